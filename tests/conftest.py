@@ -12,6 +12,8 @@ from scipy.stats import t as student
 
 import drcmitsuba  # noqa: F401  registers the plugins
 from drcmitsuba.runtime import backend
+from tests import SHARED, skips
+from tests.skips import pytest_sessionfinish, pytest_terminal_summary  # noqa: F401  hooks
 
 VARIANTS = ["llvm_ad_mono", "llvm_ad_rgb"] if backend.llvm_version() else []
 if backend.cuda_available():
@@ -33,10 +35,7 @@ def variant(request: pytest.FixtureRequest) -> Iterator[str]:
 @pytest.fixture(scope="session")
 def shared() -> Path:
     """Folder of reference data beside the repository; a checkout alone has none."""
-    path = Path(__file__).resolve().parents[2] / "shared"
-    if not path.is_dir():
-        pytest.skip("the shared reference data are not beside the repository")
-    return path
+    return skips.data(SHARED)
 
 
 ROUNDING = 1e-5

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 
 from drcmitsuba import InputError
 from drcmitsuba.metrics import stored_arrays
-from tests import ROOT
+from tests import ROOT, skips
 from tests.hard import generated_files, generated_models
 from tests.hard import generated_results as results
 from tests.hard.command_line import GIB, growth_of, no_more_than
@@ -265,7 +265,7 @@ def test_a_bsdf_of_zeros_is_read(tmp_path):
 @pytest.mark.slow
 def test_the_harness_of_atheris_runs(tmp_path):
     """Coverage-guided, for a few seconds; the optional extra `fuzz`."""
-    pytest.importorskip("atheris", reason="atheris is the optional extra `fuzz`")
+    skips.module("atheris")
     root = ROOT
     arguments = [
         sys.executable,

@@ -26,7 +26,7 @@ from drcmitsuba.transport import (
     shadow_rays,
 )
 from drcmitsuba.transport.straight_suns import straight_suns
-from tests import ROOT
+from tests import ROOT, skips
 
 SAME = 1e-5
 PRISM = ROOT / "scenes" / "films" / "prism.xml"
@@ -131,11 +131,9 @@ def test_one_chunk_and_ten(kind, usual, holds, monkeypatch):
     holds("C in one chunk and in ten", max(distances(run(kind), usual[kind])), SAME)
 
 
-@pytest.mark.parametrize("kind", STRIPS)
-def test_chunks_by_paths(kind, usual, holds, monkeypatch):
-    """The paths may limit a chunk, too: one sensor at a time."""
-    if kind != "open room":
-        pytest.skip("the limit is the same one for all rooms")
+def test_chunks_by_paths(usual, holds, monkeypatch):
+    """The paths may limit a chunk, too: one sensor at a time, in any room."""
+    kind = "open room"
     monkeypatch.setattr(interior, "PATHS", 1)
     holds("C sensor by sensor", max(distances(run(kind), usual[kind])), SAME)
 
@@ -143,18 +141,13 @@ def test_chunks_by_paths(kind, usual, holds, monkeypatch):
 @pytest.mark.parametrize("kind", STRIPS)
 def test_after_a_change_of_variant(kind, usual, holds):
     """There and back: plugins are registered anew, kernels are compiled anew, numbers stay."""
-    if mine := {"llvm_ad_mono", "llvm_ad_rgb"} - {*backend_variants()}:
-        pytest.skip(f"no {mine} here")
+    skips.LLVM.skip_if_so()
     backend.select("llvm_ad_rgb")
     there = run(kind)
     backend.select("llvm_ad_mono")
     back = run(kind)
     holds("C in colour", max(distances(there, usual[kind])), SAME)
     holds("C after the change", max(distances(back, usual[kind])), SAME)
-
-
-def backend_variants():
-    return ["llvm_ad_mono", "llvm_ad_rgb"] if backend.llvm_version() else []
 
 
 def test_seeds_differ(usual, holds):

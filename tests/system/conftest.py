@@ -12,6 +12,7 @@ import pytest
 import drcmitsuba
 from drcmitsuba import load_case
 from drcmitsuba.cli import main
+from tests import skips
 from tests.system.small_room import DAYS
 
 
@@ -100,8 +101,7 @@ def has_child(proc):
 @pytest.fixture
 def stopped(tmp_path):
     """Stop `drcmitsuba ARGUMENTS` by a signal at a sign: exit code and stderr."""
-    if not Path("/proc/self/status").exists():
-        pytest.skip("signs are read from /proc")
+    skips.PROC.skip_if_so()
 
     def stopped(number, sign, *arguments):
         command = [sys.executable, "-m", "drcmitsuba.cli", *map(str, arguments)]

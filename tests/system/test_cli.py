@@ -15,7 +15,7 @@ from drcmitsuba.cli import main
 from drcmitsuba.metrics import stored_arrays
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import BackendError
-from tests import SHARED
+from tests import SHARED, skips
 from tests.system.small_room import RESULTS
 
 WEATHER = SHARED / "data" / "weather"
@@ -301,9 +301,7 @@ def test_results_are_written_over_older_ones(run, case, tmp_path, results):
     ],
 )
 def test_weather_files_with_quirks_are_fine(run, case, tmp_path, name, note):
-    file = WEATHER / name
-    if not file.exists():
-        pytest.skip("the shared weather files are not beside the repository")
+    file = skips.data(WEATHER / name)
     case.write_text(CASE.replace("months = [3]", "months = [3]\nhours = [11, 13]"))
     code, out, err = run("evaluate", case, "--weather", file, "-o", tmp_path / "r")
     assert (code, err) == (0, "")

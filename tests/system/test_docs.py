@@ -15,7 +15,7 @@ import pytest
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.runtime.toml import checked, tomllib
-from tests import ROOT, radiance
+from tests import ROOT, radiance, skips
 from tests.hard.command_line import CommandLine
 from tests.unit.bsdf.test_bsdf_measured import measure, through
 from tests.unit.sky.test_weather import epw, wea
@@ -125,38 +125,39 @@ def command():
     process.close()
 
 
-@pytest.mark.parametrize("path", PAGES, ids=name_of)
-def test_blocks_run(path, folder, command, monkeypatch):
-    commands = [block for block in blocks(path, "sh", "python") if runs(block)]
-    if not commands:
-        pytest.skip("no block to run")
-    if "measured_00.txt" in path.read_text("utf-8"):
-        measurements(folder)
-    for options in ("SKY_OPTIONS", "SUN_OPTIONS"):  # scripts of exported cases are quick, too
-        monkeypatch.setenv(options, "-ab 1 -ad 4")
-    python = []
-    for language, _, text in commands:
-        if language == "python":
-            python.append(text)
-            continue
-        for line in text.splitlines():
-            if line.startswith("sh "):
-                if radiance.home() is None:
-                    pytest.skip("pyradiance is not installed")
-                radiance.run(line.split("#")[0].split(), folder)
-            if line.startswith("drcmitsuba ") and "CASE" not in line:
-                answer = command(*line.split("#")[0].split()[1:], folder=folder)
-                assert (answer.code, answer.fault) == (0, ""), f"{line}\n{answer}"
-    if python:
-        run("\n".join(python), folder)
-
-
 def runs(block):
     """Whether a block holds anything that a test can run."""
     language, _, text = block
     return language == "python" or any(
         line.startswith("drcmitsuba ") and "CASE" not in line for line in text.splitlines()
     )
+
+
+def runnable(path):
+    """Blocks of a page that a test can run."""
+    return [block for block in blocks(path, "sh", "python") if runs(block)]
+
+
+@pytest.mark.parametrize("path", [p for p in PAGES if runnable(p)], ids=name_of)
+def test_blocks_run(path, folder, command, monkeypatch):
+    if "measured_00.txt" in path.read_text("utf-8"):
+        measurements(folder)
+    for options in ("SKY_OPTIONS", "SUN_OPTIONS"):  # scripts of exported cases are quick, too
+        monkeypatch.setenv(options, "-ab 1 -ad 4")
+    python = []
+    for language, _, text in runnable(path):
+        if language == "python":
+            python.append(text)
+            continue
+        for line in text.splitlines():
+            if line.startswith("sh "):
+                skips.RADIANCE.skip_if_so()
+                radiance.run(line.split("#")[0].split(), folder)
+            if line.startswith("drcmitsuba ") and "CASE" not in line:
+                answer = command(*line.split("#")[0].split()[1:], folder=folder)
+                assert (answer.code, answer.fault) == (0, ""), f"{line}\n{answer}"
+    if python:
+        run("\n".join(python), folder)
 
 
 def run(text, folder):

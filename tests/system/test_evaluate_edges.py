@@ -13,7 +13,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import daylight as light_module
 from drcmitsuba.sky import luminances
 from drcmitsuba.sky.sun_models import Suns
-from tests import SHARED
+from tests import SHARED, skips
 from tests.system.small_room import CASE, DAYS, SHADING, SITE, STRIPS, VARIABLES, changed, run
 
 WEATHER = SHARED / "data" / "weather"
@@ -211,9 +211,7 @@ def test_an_unfit_period_is_refused_with_the_case(evaluate, period, message):
 
 
 def weather(name):
-    file = WEATHER / name
-    if not file.exists():
-        pytest.skip("the shared weather files are not beside the repository")
+    file = skips.data(WEATHER / name)
     return f"[weather]\nfile = '{file}'\n"
 
 

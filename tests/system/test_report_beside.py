@@ -1,7 +1,6 @@
 """The report with what stands beside an evaluation: who lights points, glare, pictures."""
 
 import csv
-import importlib.util
 import io
 import json
 import re
@@ -15,7 +14,7 @@ from PIL import Image
 
 import drcmitsuba
 from drcmitsuba.report.document import Report
-from tests import browser
+from tests import browser, skips
 from tests.system.small_room import CASE
 from tests.system.stored_lights import EXPOSURE, write_light_of_sensors, write_lights
 
@@ -90,8 +89,7 @@ def test_csv_has_lights_and_glare(results):
 
 
 def test_the_browser_tells_who_lights_the_nearest_traced_point(page, tmp_path_factory):
-    if browser.CHROMIUM is None:
-        pytest.skip("no Chromium")
+    skips.BROWSER.skip_if_so()
     with browser.page(tmp_path_factory.mktemp("profile")) as opened:
         opened.open(page)
         options = opened("[...document.getElementById('traced').options].map((o) => o.textContent)")
@@ -116,8 +114,7 @@ def test_the_browser_tells_who_lights_the_nearest_traced_point(page, tmp_path_fa
 
 
 def test_the_browser_tells_who_lights_the_chosen_point(page, tmp_path_factory):
-    if browser.CHROMIUM is None:
-        pytest.skip("no Chromium")
+    skips.BROWSER.skip_if_so()
     with browser.page(tmp_path_factory.mktemp("profile")) as opened:
         opened.open(page)
         opened("document.getElementById('traced').value = '1'")
@@ -155,10 +152,9 @@ def test_damaged_light_of_all_sensors_is_refused_in_one_line(copied, refused, ch
 
 
 def test_axe_finds_nothing_serious(page, tmp_path_factory):
-    spec = importlib.util.find_spec("axe_core_python")
-    if browser.CHROMIUM is None or spec is None:
-        pytest.skip("no Chromium, or no axe-core-python")
-    rules = (Path(spec.submodule_search_locations[0]) / "axe.min.js").read_text("utf-8")
+    skips.BROWSER.skip_if_so()
+    axe = skips.module("axe_core_python")
+    rules = (Path(axe.__path__[0]) / "axe.min.js").read_text("utf-8")
     with browser.page(tmp_path_factory.mktemp("profile")) as opened:
         opened.open(page)
         opened(f"{rules}; 0")

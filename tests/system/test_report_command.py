@@ -3,11 +3,8 @@
 import csv
 import io
 import json
-import os
 import re
 import shutil
-import sys
-import time
 from html.parser import HTMLParser
 
 import numpy as np
@@ -17,7 +14,7 @@ import xarray as xr
 import drcmitsuba
 from drcmitsuba.report.document import Report
 from drcmitsuba.report.document.packing import unpacked
-from tests import browser
+from tests import browser, skips
 from tests.system.small_room import CASE, DAYS, STRIPS
 
 EVIL = "</script><img src=x onerror=alert(1)> =1+1 | **b**"
@@ -48,8 +45,7 @@ def page(results, tmp_path_factory):
 @pytest.fixture(scope="module")
 def opened(page, tmp_path_factory):
     """The report in a browser."""
-    if browser.CHROMIUM is None:
-        pytest.skip("no Chromium")
+    skips.BROWSER.skip_if_so()
     with browser.page(tmp_path_factory.mktemp("profile")) as opened:
         opened.open(page)
         yield opened
@@ -79,11 +75,9 @@ def intervals(numbers):
 
 
 def test_one_page_holds_everything(run, results, tmp_path):
-    begun = time.perf_counter()
     code, out, err = run("report", *results, "-o", tmp_path / "r.html")
     assert (code, err) == (0, "")
     assert f"the report is in {tmp_path / 'r.html'}" in out
-    assert time.perf_counter() - begun < 20
     text = (tmp_path / "r.html").read_text("utf-8")
     assert len(text.encode()) < LARGEST
     elements = Elements(text).all
@@ -251,7 +245,8 @@ def test_a_folder_without_plan_coefficients_and_sky_has_a_report(run, copied):
     assert "unknown" in (copied / "report.html").read_text("utf-8")
 
 
-@pytest.mark.skipif(sys.platform != "linux" or os.geteuid() == 0, reason="root may write anywhere")
+@skips.POSIX.mark
+@skips.ORDINARY_USER.mark
 def test_a_folder_that_cannot_be_written_is_refused(refused, copied):
     copied.chmod(0o500)
     refused("report", copied)

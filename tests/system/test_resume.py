@@ -16,7 +16,7 @@ from drcmitsuba.annual.saved_result import SavedResult
 from drcmitsuba.blocks import block_folder
 from drcmitsuba.runtime.folder_lock import locked
 from drcmitsuba.transport import interior
-from tests import ROOT
+from tests import ROOT, skips
 from tests.system.small_room import changed, run
 
 TINY = changed(
@@ -77,7 +77,7 @@ def test_blocks_are_written_behind_the_main_thread(case, tmp_path, monkeypatch):
     assert threading.main_thread() not in threads
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="kills forked processes")
+@skips.POSIX.mark
 @pytest.mark.parametrize("kills", [10, pytest.param(100, marks=pytest.mark.slow)])
 def test_kills_at_random_moments_change_no_number(case, tmp_path, kills):
     command = [sys.executable, "-m", "tests.system.killed_runs", case, tmp_path, kills]

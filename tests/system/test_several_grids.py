@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 from matplotlib.image import imread
 
-from tests import SHARED
+from tests import SHARED, skips
 
 ROOMS = """
 void plastic floor  0 0 5 .2 .2 .2 0 0
@@ -109,9 +109,7 @@ def test_a_case_lists_grids_views_and_north(run, tmp_path):
 
 
 def test_another_place_than_the_weathers_is_told(run, tmp_path):
-    if not (SHARED / "data" / "weather").is_dir():
-        pytest.skip("no weather files beside the project")
-    shutil.copy(SHARED / "data" / "weather" / "denver.epw", tmp_path / "denver.epw")
+    shutil.copy(skips.data(SHARED / "data" / "weather" / "denver.epw"), tmp_path / "denver.epw")
     place = '[weather]\nfile = "denver.epw"\n[site]\nname = "Geneva"\ntimezone = 1\n'
     file = written(tmp_path, place + "latitude = 46.2\nlongitude = 6.1\n")
     for verb in ("case", "plan"):

@@ -10,6 +10,7 @@ import pytest
 from drcmitsuba.blocks.block_file import read_block
 from drcmitsuba.metrics import stored_arrays
 from drcmitsuba.runtime import interruption
+from tests import skips
 from tests.system.small_room import CASE, RESULTS, changed
 
 
@@ -85,7 +86,7 @@ main()
 """
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@skips.POSIX.mark
 @pytest.mark.parametrize(
     ("module", "name", "delay", "written"),
     [

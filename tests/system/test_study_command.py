@@ -16,6 +16,7 @@ from drcmitsuba.case.study import load_study
 from drcmitsuba.report.study_charts import charts
 from drcmitsuba.runtime import provenance
 from drcmitsuba.runtime.errors import InputError
+from tests import skips
 from tests.system.small_room import changed, run
 
 TEXT = changed(
@@ -188,7 +189,7 @@ def test_a_wrong_key_or_value_is_told_in_the_table(folder, key, words):
     "values", [["x", 2.5, None, True], [None] * 4, [1, 2.5, None, 3], ["a", "b", None, "c"]]
 )
 def test_columns_of_any_values_are_packed(tmp_path, values):
-    pytest.importorskip("pyarrow")
+    skips.module("pyarrow")
     nothing = {name: [np.nan] * 4 for name in ("sDA", "ASE")}
     frame = pd.DataFrame({"row": range(1, 5), "a": pd.Series(values, dtype=object), **nothing})
     StudyTable(frame.assign(error="wrong"), ("a",)).save(tmp_path)

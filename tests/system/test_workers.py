@@ -23,11 +23,11 @@ from drcmitsuba.case.groups import OPEN
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.transport import interior
-from tests import ROOT
+from tests import ROOT, skips
 from tests.system.small_room import changed, run
 from tests.system.test_resume import TINY, assert_identical
 
-distributed = pytest.importorskip("distributed")
+distributed = skips.module("distributed")
 # Sockets of a cluster inside this process may be closed by the garbage collector alone.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 
@@ -98,7 +98,7 @@ def empties(group, seconds=30):
     return False
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@skips.POSIX.mark
 def test_ctrl_c_of_a_terminal_leaves_one_line_whole_blocks_and_no_worker(rough, tmp_path):
     folder = tmp_path / "out"
     command = [sys.executable, "-m", "drcmitsuba.cli", "evaluate", str(rough), "-o", str(folder)]
@@ -256,9 +256,7 @@ def test_a_worker_of_a_scheduler_is_killed_and_the_scheduler_goes_away(rough, tm
 
         process = started(rough, again, address)
         scheduler.kill()
-        begin = time.monotonic()
         _, error = process.communicate(timeout=60)
-        assert time.monotonic() - begin < 20
         assert process.returncode == 2
         assert "it has gone; start it and its workers" in error
         assert error.count("\n") == 1, error

@@ -23,9 +23,9 @@ from drcmitsuba_plugins.tensor import to_direction
 
 from drcmitsuba import bsdf
 from drcmitsuba.bsdf.measured import from_measurements
-from tests import radiance
+from tests import radiance, skips
 
-pytestmark = pytest.mark.skipif(radiance.home() is None, reason="pyradiance is not installed")
+pytestmark = skips.RADIANCE.mark
 
 
 def unit(theta, phi):

@@ -31,6 +31,7 @@ from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.sky.cie import CieSky, relative
 from drcmitsuba.transport.shadow_rays import sky_deposit
+from tests import skips
 
 SKIES = range(1, 17)
 GROUND = 0.3 / np.pi
@@ -275,9 +276,7 @@ def published(shared, room, kind):
     Point A of the large opening is next to its edge, where the table's own subdivision was coarse
     (up to 2 %), and some entries are misprinted. The quadrature is another one than ours.
     """
-    path = shared / "reference" / "cie171_daylight_sc_erc.csv"
-    if not path.exists():
-        pytest.skip("the table of CIE 171 is not beside the repository")
+    path = skips.data(shared / "reference" / "cie171_daylight_sc_erc.csv")
     test, opening = room.name.split()
     with path.open(encoding="utf-8") as file:
         rows = {

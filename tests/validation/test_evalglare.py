@@ -13,10 +13,10 @@ import pytest
 from drcmitsuba import picture
 from drcmitsuba.picture import hdr
 from drcmitsuba.picture.glare import glare
-from tests import SHARED, radiance
+from tests import SHARED, radiance, skips
 from tests.unit.picture.made_pictures import disk, fisheye, halo, sky, window
 
-pytestmark = pytest.mark.skipif(radiance.home() is None, reason="needs pyradiance")
+pytestmark = skips.RADIANCE.mark
 TESTIMAGE = SHARED / "data" / "pictures" / "evalglare_testimage.hdr"
 MADE = {
     "overcast": (lambda: fisheye(sky(3000), base=300), {}),
@@ -91,7 +91,7 @@ def test_glare_of_made_pictures_is_that_of_evalglare(name, tmp_path):
         assert ours.sources.solid_angle.sum() == pytest.approx(theirs["omega_sources"], rel=5e-3)
 
 
-@pytest.mark.skipif(not TESTIMAGE.is_file(), reason="needs the test picture of evalglare")
+@skips.needs(TESTIMAGE)
 def test_glare_of_its_own_test_picture_is_that_of_evalglare(tmp_path):
     ours = glare(picture.read(TESTIMAGE))
     assert ours.dgp() == pytest.approx(0.530615, abs=5e-4)

@@ -32,11 +32,11 @@ from drcmitsuba.model.materials import BsdfMaterial, GlazingMaterial
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene.surfaces import State
 from drcmitsuba.sky.daylight import daylight
-from tests import radiance
+from tests import radiance, skips
 from tests.unit.export.radiance_text import matrix
 from tests.validation.test_films_radiance import SHARP, TO_PANE
 
-pytestmark = pytest.mark.skipif(radiance.home() is None, reason="pyradiance is not installed")
+pytestmark = skips.RADIANCE.mark
 
 REPEATS = 12
 CASE = """

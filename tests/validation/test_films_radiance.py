@@ -49,9 +49,9 @@ from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficients import compute
-from tests import radiance
+from tests import radiance, skips
 
-pytest.importorskip("pyradiance")
+skips.RADIANCE.skip_if_so()
 
 BINS = len(Patches())
 DIAMETER = 0.5

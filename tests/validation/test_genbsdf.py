@@ -33,9 +33,9 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.toml import checked
 from drcmitsuba.scene.structures.recipe import Recipe
 from drcmitsuba.scene.structures.structure import UnitCell, unit_cell
-from tests import ROOT, radiance
+from tests import ROOT, radiance, skips
 
-pyradiance = pytest.importorskip("pyradiance")
+pyradiance = skips.module("pyradiance")
 
 FILM = ROOT / "scenes" / "films" / "prism.xml"
 OURS = 16384

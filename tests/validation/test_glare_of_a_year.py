@@ -23,12 +23,12 @@ import drcmitsuba
 from drcmitsuba.picture import hdr
 from drcmitsuba.picture.glare import glare
 from drcmitsuba.rendering import prepare
-from tests import radiance
+from tests import radiance, skips
 from tests.unit.glare_year.glare_room import case_in
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(radiance.home() is None, reason="needs pyradiance"),
+    skips.RADIANCE.mark,
 ]
 DAYS = ("01-14", "02-11", "03-11", "04-08", "05-06", "06-10", "07-08", "08-12", "09-09", "10-07",
         "11-11", "12-09")  # fmt: skip

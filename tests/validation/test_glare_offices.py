@@ -19,12 +19,12 @@ from drcmitsuba.rendering import prepare
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.random_streams import Stream
 from drcmitsuba.transport.deposit import Deposit
-from tests import SHARED
+from tests import SHARED, skips
 
 OFFICE = SHARED / "data" / "scenes" / "glare_offices"
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(not OFFICE.is_dir(), reason="the offices are not beside the project"),
+    skips.needs(OFFICE),
 ]
 
 

@@ -13,9 +13,9 @@ from drcmitsuba.scene.geometry import Surface, quad
 from drcmitsuba.scene.scene import build
 from drcmitsuba.transport.image_suns import ImageSuns
 from drcmitsuba.transport.shadow_rays import sun_deposit
-from tests import radiance
+from tests import radiance, skips
 
-pytestmark = pytest.mark.skipif(radiance.home() is None, reason="pyradiance is not installed")
+pytestmark = skips.RADIANCE.mark
 
 RHO, DIAMETER = 0.6, 0.53
 EAST, NORTH, UP = np.eye(3)

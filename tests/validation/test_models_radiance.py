@@ -37,13 +37,13 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.geometry import origin
 from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.transport.image_suns import ImageSuns
-from tests import SHARED, radiance
+from tests import SHARED, skips
 from tests.unit.export.radiance_text import matrix
 from tests.validation.test_export_radiance import REPEATS, TIMES, simulated
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(radiance.home() is None, reason="pyradiance is not installed"),
+    skips.RADIANCE.mark,
 ]
 
 ROOM = SHARED / "data" / "scenes" / "subramaniam_room"
@@ -110,7 +110,7 @@ def agree(case: Case, folder: Path, scene: str, same, *, within: float, by_suns:
         same(mine[..., bins:].mean(axis=1), other=suns.mean(axis=1), within=2 * within)
 
 
-@pytest.mark.skipif(not ROOM.is_dir(), reason="there is no Radiance scene beside us")
+@skips.needs(ROOM)
 def test_a_room_of_others(same, tmp_path):
     """Without the outside of the glass, which mirrors the sky to the sill, 0.8 % of it lacked."""
     copied(tmp_path, *(ROOM / f"{name}.rad" for name in FILES))
@@ -141,7 +141,7 @@ SCENES = {
 """Pieces in the room of the render tests; Radiance lets no sun through solids."""
 
 
-@pytest.mark.skipif(not RENDERS.is_dir(), reason="there are no render tests beside us")
+@skips.needs(RENDERS)
 @pytest.mark.parametrize("name", SCENES)
 def test_rooms_of_radiances_render_tests(name, same, tmp_path):
     inside, by_suns = SCENES[name]
@@ -178,7 +178,7 @@ def files_of(rif: Path) -> list[str]:
     return [word for name, text in pairs if name.strip() in wanted for word in shlex.split(text)]
 
 
-@pytest.mark.skipif(not RENDERS.is_dir(), reason="there are no render tests beside us")
+@skips.needs(RENDERS)
 @pytest.mark.parametrize("means", [False, True])
 def test_every_render_test_is_read_or_refused_in_one_line(means, tmp_path, monkeypatch):
     monkeypatch.chdir(RENDERS)
@@ -224,7 +224,7 @@ RHO = {"Wall": 0.5, "Floor": 0.2, "RoofCeiling": 0.8, "in": 0.5, "out": 0.35}
 """Reflectances that Honeybee gives to faces and shades without a modifier."""
 
 
-@pytest.mark.skipif(not HONEYBEE.is_file(), reason="there is no Honeybee model beside us")
+@skips.needs(HONEYBEE)
 def test_a_honeybee_model(same, tmp_path):
     model = json.loads(HONEYBEE.read_text())
     materials = f"void glass pane 0 0 3 {' '.join(3 * [f'{transmissivity(0.64):.9g}'])}\n"

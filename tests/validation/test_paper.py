@@ -16,15 +16,14 @@ References
 import pytest
 
 import drcmitsuba
-from tests import SHARED
+from tests import SHARED, skips
 
 GENEVA = SHARED / "data/weather/CHE_Geneva.067000_IWEC.epw"
 WINTER, SUMMER = (11, 12, 1, 2), (5, 6, 7, 8)
 
 
 def evaluate(name):
-    if not GENEVA.exists():
-        pytest.skip("the shared weather files are not beside the repository")
+    skips.data(GENEVA)
     case = drcmitsuba.load_case(f"classroom/reference/{name}").with_weather(GENEVA)
     return drcmitsuba.evaluate(case)
 

@@ -25,12 +25,12 @@ from drcmitsuba.scene import scene
 from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficients import compute
-from tests import radiance
+from tests import radiance, skips
 from tests.validation import exact_optics as optics
 from tests.validation import lamella_room as room
 from tests.validation.radiance_photons import PhotonRoom, modifiers, receivers
 
-pytestmark = pytest.mark.skipif(radiance.home() is None, reason="pyradiance is not installed")
+pytestmark = skips.RADIANCE.mark
 
 DIAMETER = 0.5
 REPEATS = 4

@@ -30,7 +30,7 @@ from drcmitsuba.scene import scene
 from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficients import compute
-from tests import radiance
+from tests import radiance, skips
 from tests.unit.rendering import path_traced
 from tests.unit.rendering.path_traced import LUMINANCES, Patchwise
 from tests.validation import lamella_room
@@ -115,7 +115,7 @@ def by_rpict(surfaces, view, size, folder, options):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(radiance.home() is None, reason="pyradiance is not installed")
+@skips.RADIANCE.mark
 def test_the_classroom_is_that_of_rpict_in_mean_and_by_region(tmp_path):
     case = load_case("classroom/existing")
     view = PictureView("equidistant", (-0.3, -1, 0), (0, 0, 1), (170, 170), (4.4, 6.0, 1.2))

@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import pytest
 
-from tests import radiance
+from tests import skips
 from tests.validation.lit_room import SKY, assert_agrees, by_rtrace, room, simulated
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(radiance.home() is None, reason="pyradiance is not installed"),
+    skips.RADIANCE.mark,
 ]
 
 

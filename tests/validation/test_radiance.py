@@ -34,9 +34,9 @@ from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.sky import weather
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficients import compute
-from tests import radiance
+from tests import radiance, skips
 
-pytestmark = pytest.mark.skipif(radiance.home() is None, reason="pyradiance is not installed")
+pytestmark = skips.RADIANCE.mark
 
 BINS = len(Patches())
 # Neither a cap on bounces nor a threshold that cuts: light below `-lw` plays Russian roulette.

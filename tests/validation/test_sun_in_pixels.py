@@ -22,11 +22,11 @@ from drcmitsuba.picture import hdr
 from drcmitsuba.picture.picture import Picture
 from drcmitsuba.picture.position_index import position_index
 from drcmitsuba.picture.view import PictureView
-from tests import radiance
+from tests import radiance, skips
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(radiance.home() is None, reason="needs pyradiance"),
+    skips.RADIANCE.mark,
 ]
 SKY, SUN, DIAMETER, FINER = 1500.0, 3e6, 0.533, 8
 VIEW = PictureView("equidistant", (0, 1, 0), (0, 0, 1), angles=(180, 180))

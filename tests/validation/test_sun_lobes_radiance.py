@@ -14,7 +14,7 @@ from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.scene.scene import build
 from drcmitsuba.transport.shadow_rays import sky_deposit, sun_deposit
 from drcmitsuba.transport.sun_lobes import SunLobes
-from tests import radiance
+from tests import radiance, skips
 from tests.validation.test_image_suns_radiance import (
     DIAMETER,
     NORMALS,
@@ -26,7 +26,7 @@ from tests.validation.test_image_suns_radiance import (
     suns,
 )
 
-pytestmark = pytest.mark.skipif(radiance.home() is None, reason="pyradiance is not installed")
+pytestmark = skips.RADIANCE.mark
 AGAIN, TIMES = 512, 4
 OPTIONS = "-h -I -ab 1 -ad 16384 -lw 1e-7 -aa 0 -dj 1 -ds 0.01 -dt 0 -dc 1 -dr 0 -ss 1 -st 0"
 

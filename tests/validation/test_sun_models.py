@@ -42,11 +42,11 @@ from drcmitsuba.sky.sun_models import (
 )
 from drcmitsuba.transport import sun_interpolation
 from drcmitsuba.transport.coefficients import compute
-from tests import SHARED, radiance
+from tests import SHARED, radiance, skips
 from tests.bench import sun_models
 from tests.validation.test_films import PRISM, changed, room
 
-needs_radiance = pytest.mark.skipif(radiance.home() is None, reason="pyradiance is not installed")
+needs_radiance = skips.RADIANCE.mark
 DIAMETER = 0.533
 """Radiance's tools make suns of this diameter [deg]."""
 NO_SUNS = Suns((), np.zeros((0, 3)))
@@ -286,8 +286,8 @@ def test_three_phase_is_another_light_behind_a_film(file, hour, share):
 
     For comparison, two estimates by the same model with other seeds differ so nowhere.
     """
-    if file is not None and not file.is_file():
-        pytest.skip("the shared weather files are not beside the repository")
+    if file is not None:
+        skips.data(file)
     case = load_case(sun_models.CASE).with_weather(file)
     exact, again, spread = (
         sun_models.illuminance(case, model, hour, Accuracy(**sun_models.SAMPLES, seed=seed))

@@ -14,12 +14,12 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from tests import radiance
+from tests import skips
 from tests.validation.lit_room import SKY, assert_agrees, by_rtrace, room, simulated, sun
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(radiance.home() is None, reason="pyradiance is not installed"),
+    skips.RADIANCE.mark,
 ]
 CELLS = "cell_size = 0.225"
 """Half of the default: suns that light a strip of the floor have less noise."""

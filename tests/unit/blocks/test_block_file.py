@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import xarray as xr
+import zarr
 
 from drcmitsuba.blocks import block_file
 from drcmitsuba.blocks.block_file import attributes_of, read_block, write_block
@@ -34,9 +35,8 @@ def test_a_block_comes_back_bit_by_bit(tmp_path, monkeypatch, chunk):
 
 
 def test_zarr_reads_a_block(tmp_path):
-    storage = pytest.importorskip("zarr").storage
     write_block(dataset(), tmp_path / "b.zip")
-    with storage.ZipStore(tmp_path / "b.zip", mode="r") as archive:
+    with zarr.storage.ZipStore(tmp_path / "b.zip", mode="r") as archive:
         theirs = xr.open_zarr(archive, consolidated=True, chunks=None).load()
     np.testing.assert_array_equal(theirs["replicates"], dataset()["replicates"])
 

@@ -13,6 +13,7 @@ import xarray as xr
 from drcmitsuba.blocks import block_folder
 from drcmitsuba.blocks.block_folder import FORMAT, HEADER, NOTHING_KEPT, BlockFolder
 from drcmitsuba.runtime.errors import InputError
+from tests import skips
 
 
 def dataset(sensors, value=1.0):
@@ -144,7 +145,8 @@ def test_folders_that_are_no_cache_are_refused(tmp_path):
         BlockFolder.cache(tmp_path / "mine.txt")
 
 
-@pytest.mark.skipif(os.name == "nt" or os.geteuid() == 0, reason="root may write anywhere")
+@skips.POSIX.mark
+@skips.ORDINARY_USER.mark
 def test_a_cache_without_permission_is_refused(tmp_path):
     BlockFolder.cache(tmp_path)
     tmp_path.chmod(0o500)

@@ -16,7 +16,7 @@ from drcmitsuba import InputError, bsdf, load_case
 from drcmitsuba.bsdf import balance, lobes
 from drcmitsuba.bsdf.check import check
 from drcmitsuba.bsdf.pictures import figures
-from tests import SHARED
+from tests import SHARED, skips
 
 N = 16  # cells along an axis of the films below
 CELL = np.pi / N**2
@@ -114,6 +114,7 @@ def test_half_a_window_tells_how_much_its_peak_stands_out():
 @pytest.mark.parametrize("kind", ["tree", "klems"])
 def test_a_peak_of_one_cell_is_as_wide_as_the_cell(kind):
     report = check(film(tb=sending(window)) if kind == "tree" else film("Klems", tb=klems()))
+    assert report.widths
     for w in report.widths:
         assert w.half_maximum == pytest.approx(w.resolution, rel=0.08)
         assert w.share == pytest.approx(1)
@@ -155,7 +156,7 @@ def test_energy_above_one_is_seen_where_it_is(excess, verdict):
     assert (report.model == "none") == (verdict == "refused")
 
 
-@pytest.mark.skipif(not REFUSED.exists(), reason="shared/ is not there")
+@skips.needs(REFUSED)
 def test_radiances_broken_file_is_refused():
     report = check(bsdf.read(REFUSED))
     assert report.energy[1].largest == pytest.approx(87.51, abs=0.01)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from drcmitsuba import bsdf
 from drcmitsuba.runtime.errors import InputError
-from tests import SHARED
+from tests import SHARED, skips
 
 GOLDEN = SHARED / "reference" / "golden_bsdf_query_radiance.csv"
 HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n'
@@ -81,7 +81,7 @@ def golden_files():
         return sorted({row["file"] for row in csv.DictReader(file)})
 
 
-@pytest.mark.skipif(not GOLDEN.exists(), reason="shared/ is not there")
+@skips.needs(GOLDEN)
 @pytest.mark.parametrize("name", golden_files())
 def test_look_ups_are_radiances(name):
     with GOLDEN.open(encoding="utf-8") as file:

@@ -1,7 +1,6 @@
 """The case file: what is right loads, every slip of the pen gives one line that helps."""
 
 import json
-import os
 import re
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from drcmitsuba.case.facade import Facade
 from drcmitsuba.case.reading import MAX_BYTES, load_case
 from drcmitsuba.case.shipped import shipped_cases
 from drcmitsuba.runtime.errors import InputError
+from tests import skips
 
 CASE = """
 name = "small"
@@ -254,7 +254,8 @@ def test_a_missing_file_gives_the_shipped_case_that_was_meant(tmp_path):
         load_case("classroom/exsting")
 
 
-@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root reads all files")
+@skips.POSIX.mark
+@skips.ORDINARY_USER.mark
 def test_an_unreadable_file_is_refused(tmp_path):
     file = tmp_path / "case.toml"
     file.write_text(CASE)

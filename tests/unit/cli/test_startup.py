@@ -22,6 +22,12 @@ def test_modules_are_imported_from_the_first_kernels_on(capsys):
     assert UNUSED in sys.modules
 
 
-def test_a_module_that_is_missing_fails_where_it_is_used():
+def test_a_module_that_is_missing_fails_where_it_is_used(monkeypatch):
+    """The thread ends without a word."""
+    complaints = []
+    monkeypatch.setattr(threading, "excepthook", complaints.append)
+    before = set(threading.enumerate())
     with startup.importing(silent, "no_such_module")(startup.WHILE):
-        pass
+        for thread in set(threading.enumerate()) - before:
+            thread.join(60)
+    assert complaints == []

@@ -14,7 +14,7 @@ from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.illuminance import illuminance
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
-from tests import radiance
+from tests import radiance, skips
 from tests.unit.export.radiance_text import matrix
 from tests.unit.metrics.test_accumulate import BINS, coefficients, sky
 
@@ -69,7 +69,7 @@ def test_colours_keep_their_channels(tmp_path):
     np.testing.assert_allclose(np.einsum("sbc,btc->stc", C, L), E, rtol=1e-6)
 
 
-@pytest.mark.skipif(radiance.home() is None, reason="pyradiance is not installed")
+@skips.RADIANCE.mark
 @pytest.mark.parametrize(
     "command", [["dctimestep", "-oa", "C.mtx", "L.mtx"], ["rmtxop", "-fa", "C.mtx", ".", "L.mtx"]]
 )

@@ -20,7 +20,7 @@ from drcmitsuba.model.materials import (
 )
 from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.sky.sun_models import Suns
-from tests import ROOT
+from tests import ROOT, skips
 from tests.unit.export.radiance_text import primitives
 
 PRISM = ROOT / "scenes" / "films" / "prism.xml"
@@ -149,7 +149,7 @@ def test_names_of_strangers_are_names_of_their_surfaces_alone():
     assert not {"void", "alias"} & set(names)
 
 
-@pytest.mark.skipif(shutil.which("sh") is None, reason="no POSIX shell")
+@skips.POSIX.mark
 @pytest.mark.parametrize("name", HOSTILE)
 @pytest.mark.parametrize("suns", [0, 3])
 def test_the_script_is_a_script_whatever_the_case_is_called(name, suns, tmp_path):

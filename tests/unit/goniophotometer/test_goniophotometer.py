@@ -456,6 +456,7 @@ def test_the_shipped_film_is_what_its_recipe_gives():
     r = gonio.load_recipe(FILMS / "prism.toml")
     shipped = bsdf_file.read(FILMS / "prism.xml")
     e = gonio.expose(r, depth=5, samples=512, seed=9)
+    assert list(shipped.components) == ["tf", "rf", "tb", "rb"]
     for name, tree in shipped.components.items():
         albedo = tree.albedos()
         measured = e.hemispherical(name).mean(axis=0)

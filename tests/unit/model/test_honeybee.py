@@ -14,12 +14,12 @@ from drcmitsuba.model.model import View
 from drcmitsuba.model.polygon import area_vector
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.floors_of_model import rooms_of
-from tests import SHARED
+from tests import SHARED, skips
 from tests.unit.model import box_room as box
 
 WALL, PANE = "generic_wall_0.50", "generic_exterior_window_vis_0.64"
 SAMPLES = SHARED / "data" / "hbjson"
-has_samples = pytest.mark.skipif(not SAMPLES.is_dir(), reason="no sample models beside the project")
+has_samples = skips.needs(SAMPLES)
 
 
 def read(folder, *rooms, **fields):

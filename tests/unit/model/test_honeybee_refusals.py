@@ -4,7 +4,6 @@ import base64
 import gzip
 import json
 import lzma
-import time
 import zlib
 from copy import deepcopy
 
@@ -179,20 +178,19 @@ def test_what_is_no_model_is_refused(tmp_path, content):
         honeybee.read(path)
 
 
-def test_missing_large_and_crowded_files_are_refused_before_they_are_parsed(tmp_path):
+def test_missing_large_and_crowded_files_are_refused_before_they_are_parsed(tmp_path, monkeypatch):
+    monkeypatch.setattr(json, "loads", lambda text: pytest.fail("parsed"))
     for path in (tmp_path, tmp_path / "none.hbjson", tmp_path / "a\0b"):
         with pytest.raises(InputError):
             honeybee.read(path)
     path = tmp_path / "large.hbjson"
     with path.open("wb") as stream:
         stream.truncate(2 * 10**9 + 1)
-    start = time.perf_counter()
     with pytest.raises(InputError, match="2 GB"):
         honeybee.read(path)
     path.write_bytes(b"[" + b"{}," * (6 * 10**6))
     with pytest.raises(InputError, match="1 GiB"):
         honeybee.read(path)
-    assert time.perf_counter() - start < 2
 
 
 def places_of(tree, path=()):

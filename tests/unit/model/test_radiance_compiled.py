@@ -5,7 +5,7 @@ import pytest
 
 from drcmitsuba.model.radiance import read
 from drcmitsuba.runtime.errors import InputError
-from tests import radiance
+from tests import radiance, skips
 
 M = "void plastic m 0 0 5 .5 .5 .5 0 0\n"
 N = "void plastic n 0 0 5 .2 .2 .2 0 0\n"
@@ -88,7 +88,7 @@ def test_other_octrees_are_refused(content, complaint, tmp_path):
     assert "x.rad: line 1" in message
 
 
-@pytest.mark.skipif(radiance.home() is None, reason="pyradiance is not installed")
+@skips.RADIANCE.mark
 def test_octrees_of_oconv_are_read(tmp_path):
     path = written(tmp_path, x_rad="void instance i 1 a.oct 0 0\n", a_rad=M + SQUARE)
     (tmp_path / "a.oct").write_bytes(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drcmitsuba.model.radiance.expression import ExpressionError, definitions, value
-from tests import radiance
+from tests import radiance, skips
 
 EXPRESSIONS = [
     "-2^2", "2^3^2", "2-3-4", "8/4/2", "2*-3", "+2", "2^-1", "-2*3", "1e3+.5-5.", "1.e-2",
@@ -14,7 +14,7 @@ EXPRESSIONS = [
 ]  # fmt: skip
 
 
-@pytest.mark.skipif(radiance.home() is None, reason="pyradiance is not installed")
+@skips.RADIANCE.mark
 @pytest.mark.parametrize("text", EXPRESSIONS)
 def test_expressions_have_the_value_that_rcalc_gives(text, tmp_path):
     output = radiance.run(["rcalc", "-n", "-e", f"$1={text}"], tmp_path)

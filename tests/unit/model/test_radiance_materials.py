@@ -21,12 +21,12 @@ from drcmitsuba.model.radiance import read
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.materials import bsdf
-from tests import radiance
+from tests import radiance, skips
 
 ROUGH = {"roughness": 0.2, "distribution": "beckmann"}
 SQUARE = " polygon p 0 0 12 -9 -9 0 9 -9 0 9 9 0 -9 9 0\n"
 WALL = " polygon wall 0 0 12 0 0 0 1 0 0 1 0 1 0 0 1\n"
-needs_radiance = pytest.mark.skipif(radiance.home() is None, reason="pyradiance is not installed")
+needs_radiance = skips.RADIANCE.mark
 
 
 def model_of(text, folder, **options):

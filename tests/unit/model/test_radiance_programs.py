@@ -1,6 +1,5 @@
 """Commands in scene files against Radiance's own programs, corner by corner."""
 
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +9,9 @@ from drcmitsuba.model.radiance import read
 from drcmitsuba.model.radiance.command import pipeline
 from drcmitsuba.model.radiance.generators import GENERATORS
 from drcmitsuba.model.radiance.text import Command, Place, statements
-from tests import radiance
+from tests import radiance, skips
 
-pytestmark = pytest.mark.skipif(radiance.home() is None, reason="pyradiance is not installed")
+pytestmark = skips.RADIANCE.mark
 
 MATERIAL = "void plastic m 0 0 5 .5 .5 .5 0 0\n"
 
@@ -114,7 +113,7 @@ m polygon square 0 0 12 0 0 1 1 0 1 1 1 1 0 1 1
         "-f moves",
     ],
 )
-@pytest.mark.skipif(shutil.which("sh") is None, reason="xform runs commands by a shell")
+@skips.POSIX.mark
 def test_xform_moves_every_corner_as_the_program_does(options, tmp_path):
     (tmp_path / "solid.rad").write_text(SOLID)
     (tmp_path / "moves").write_text("# two copies\n-t 1 0 0\n\n!xform -n k -s 2 -rz 30\n")

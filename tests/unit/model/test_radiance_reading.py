@@ -14,7 +14,7 @@ from drcmitsuba.model.radiance.definitions import Definitions
 from drcmitsuba.model.radiance.reading import read_file
 from drcmitsuba.model.radiance.surfaces import Surfaces
 from drcmitsuba.runtime.errors import InputError
-from tests import SHARED
+from tests import SHARED, skips
 
 M = "void plastic m 0 0 5 .5 .5 .5 0 0\n"
 TRIANGLE = "m polygon t 0 0 9 0 0 0 1 0 0 0 1 0\n"
@@ -344,7 +344,7 @@ def test_damaged_files_are_read_or_refused_in_one_line(tmp_path):
 
 
 SCENES = SHARED / "data" / "scenes"
-has_scenes = pytest.mark.skipif(not SCENES.is_dir(), reason="the shared scenes are not there")
+has_scenes = skips.needs(SCENES)
 
 
 @has_scenes

@@ -1,12 +1,13 @@
 """Pictures in files: what is written comes back, and Radiance reads and writes the same."""
 
 import numpy as np
+import OpenEXR
 import pytest
 
 from drcmitsuba import picture
 from drcmitsuba.picture import Picture, PictureView, exr, hdr
 from drcmitsuba.runtime.errors import InputError
-from tests import SHARED, radiance
+from tests import SHARED, radiance, skips
 
 VIEW = PictureView("equidistant", (1.0, 0.5, 0.0), (0.0, 0.0, 1.0), (180.0, 170.0), (1.0, 2.0, 1.2))
 TESTIMAGE = SHARED / "data" / "pictures" / "evalglare_testimage.hdr"
@@ -96,7 +97,6 @@ def test_other_primaries_give_other_luminance(tmp_path):
 
 @pytest.mark.parametrize(("pixels", "digits"), [("float", 1e-7), ("half", 6e-4)])
 def test_an_openexr_picture_comes_back_with_its_header(pixels, digits, tmp_path):
-    pytest.importorskip("OpenEXR")
     saved = sample()
     exr.save(saved, tmp_path / "a.exr", pixels)
     read = picture.read(tmp_path / "a.exr")
@@ -106,15 +106,14 @@ def test_an_openexr_picture_comes_back_with_its_header(pixels, digits, tmp_path)
 
 
 def test_openexr_without_luminance_of_white_is_in_radiances_unit(tmp_path):
-    openexr = pytest.importorskip("OpenEXR")
-    with openexr.File({"type": openexr.scanlineimage}, {"Y": np.ones((2, 3), np.float32)}) as made:
+    with OpenEXR.File({"type": OpenEXR.scanlineimage}, {"Y": np.ones((2, 3), np.float32)}) as made:
         made.write(str(tmp_path / "a.exr"))
     read = picture.read(tmp_path / "a.exr")
     np.testing.assert_allclose(read.rgb, 179)
     np.testing.assert_allclose(read.luminance, 179)
 
 
-@pytest.mark.skipif(radiance.home() is None, reason="needs pyradiance")
+@skips.RADIANCE.mark
 def test_radiance_reads_what_is_written_and_writes_what_is_read(tmp_path):
     saved = sample()
     picture.save(saved, tmp_path / "a.hdr")
@@ -127,7 +126,7 @@ def test_radiance_reads_what_is_written_and_writes_what_is_read(tmp_path):
     np.testing.assert_allclose(picture.read(tmp_path / "b.hdr").rgb, read.rgb, rtol=1e-5)
 
 
-@pytest.mark.skipif(not TESTIMAGE.is_file(), reason="needs the test picture of evalglare")
+@skips.needs(TESTIMAGE)
 def test_the_test_picture_has_the_mean_luminance_that_evalglare_gives():
     read = picture.read(TESTIMAGE)
     cosine = read.directions() @ read.view.frame[2]
@@ -180,7 +179,6 @@ def test_an_unfit_radiance_picture_is_refused_in_one_line(
     ],
 )
 def test_an_unfit_openexr_header_is_refused_in_one_line(old, new, complaint, tmp_path):
-    pytest.importorskip("OpenEXR")
     exr.save(sample(), tmp_path / "a.exr")
     raw = (tmp_path / "a.exr").read_bytes()
     assert old in raw
@@ -193,8 +191,6 @@ def test_an_unfit_openexr_header_is_refused_in_one_line(old, new, complaint, tmp
 
 @pytest.mark.parametrize("ending", [".hdr", ".exr"])
 def test_a_picture_that_breaks_off_anywhere_is_refused(ending, tmp_path):
-    if ending == ".exr":
-        pytest.importorskip("OpenEXR")
     file = tmp_path / f"a{ending}"
     picture.save(sample(), file)
     raw = file.read_bytes()

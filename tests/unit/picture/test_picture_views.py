@@ -8,7 +8,7 @@ import pytest
 from drcmitsuba.picture import PictureView, view
 from drcmitsuba.picture.projection import PROJECTIONS
 from drcmitsuba.runtime.errors import InputError
-from tests import radiance
+from tests import radiance, skips
 
 ANGLES = {"perspective": 90.0, "hemispherical": 180.0, "stereographic": 300.0}
 
@@ -31,7 +31,7 @@ def test_directions_of_places_have_these_places(kind):
 
 
 @pytest.mark.parametrize("kind", [k for k in PROJECTIONS if k != "equisolid"])
-@pytest.mark.skipif(radiance.home() is None, reason="needs pyradiance")
+@skips.RADIANCE.mark
 def test_pixels_look_where_those_of_radiance_look(kind, tmp_path):
     shown = oblique(kind, shift=0.1, lift=-0.2)
     size = ["-pa", "0", "-x", "23", "-y", "17"]

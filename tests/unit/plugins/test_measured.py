@@ -11,7 +11,7 @@ from drcmitsuba_plugins.tensor import TensorTree, to_square
 from scipy.stats import chi2 as chi2_law
 
 from drcmitsuba.runtime import backend
-from tests import SHARED
+from tests import SHARED, skips
 from tests.unit.plugins.measured_files import (
     IMPORTANCE,
     KINDS,
@@ -229,9 +229,7 @@ def test_splitting_a_peak_keeps_the_energy(tmp_path):
 
 
 def test_clear_glass_as_klems_is_the_glazing_of_its_transmittance():
-    path = SHARED / "subramaniam_clear_klems.xml"
-    if not path.is_file():
-        pytest.skip("the BSDF files of other projects are not part of this one")
+    path = skips.data(SHARED / "subramaniam_clear_klems.xml")
     file, bsdf = bsdf_file.read(path), load(path)
     cosines = np.linspace(0, 1, 1025)
     along = np.stack([np.sqrt(1 - cosines**2), 0 * cosines, cosines], axis=-1)
@@ -260,9 +258,7 @@ TWENTY = [(t, (37 * k) % 360) for k, t in enumerate(np.linspace(0.5, 89, 20))]
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PHYSICAL)
 def test_files_are_sampled_well(name):
-    path = SHARED / f"{name}.xml"
-    if not path.is_file():
-        pytest.skip("the BSDF files of other projects are not part of this one")
+    path = skips.data(SHARED / f"{name}.xml")
     bsdf = load(path, straight_through="off")
     worst_spread, worst_p, tests = 1.0, 1.0, 0
     for mode in (RADIANCE, IMPORTANCE):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from drcmitsuba_plugins.patches import Patches, patch_index
 
-from tests import SHARED
+from tests import SHARED, skips
 
 REFERENCE = SHARED / "reference"
 
@@ -33,9 +33,7 @@ def direction(altitude, azimuth):
 
 @pytest.mark.parametrize("subdivision", [1, 2])
 def test_patches_are_those_of_radiance(subdivision):
-    path = REFERENCE / f"reinhart_MF{subdivision}_patches.csv"
-    if not path.exists():
-        pytest.skip("the shared reference tables are not here")
+    path = skips.data(REFERENCE / f"reinhart_MF{subdivision}_patches.csv")
     table = np.genfromtxt(path, delimiter=",", names=True, dtype=None, encoding="utf-8")
     patches = Patches(subdivision)
     assert len(patches) == len(table)

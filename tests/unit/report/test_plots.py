@@ -152,7 +152,13 @@ def test_colour_scale():
 @pytest.mark.parametrize("value", [0.0, 5.0, np.nan])
 def test_plan_of_one_value_everywhere(value, tmp_path):
     E = grid(3, 3)
-    plots.save(plots.plan(E.copy(data=np.full(9, value))), tmp_path / "same.png")
+    figure = plots.plan(E.copy(data=np.full(9, value)))
+    mesh = collection(figure, QuadMesh)
+    assert mesh.norm.vmin == 0
+    assert mesh.norm.vmax == (value if value > 0 else 1)
+    assert np.ma.count_masked(mesh.get_array()) == 9 * np.isnan(value)
+    assert mesh.get_array().compressed().tolist() == [value] * 9 * (not np.isnan(value))
+    assert imread(plots.save(figure, tmp_path / "same.png"))[..., :3].std() > 0.02
 
 
 def test_plan_refuses_what_is_no_plan():

@@ -13,6 +13,7 @@ import pytest
 import drcmitsuba
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import BackendError
+from tests import skips
 
 UNFIT = [14, 15, 16]
 DOCTOR = [sys.executable, "-W", "error", "-m", "drcmitsuba.cli", "doctor"]
@@ -46,7 +47,7 @@ def refused_in_one_line(done):
 def test_an_unfit_llvm_is_refused_in_one_line_without_an_abort(version):
     paths = libraries(version)
     if not paths:
-        pytest.skip(f"no LLVM {version} on this machine")
+        skips.UNFIT_LLVM.skip(version)
     line = refused_in_one_line(
         doctor(DRJIT_LIBLLVM_PATH=str(paths[0]), DRCMITSUBA_VARIANT="llvm_ad_mono")
     )

@@ -7,6 +7,7 @@ import sys
 import pytest
 
 from drcmitsuba.runtime.compilation import Compilation
+from tests import skips
 
 LAUNCHES = """
 import drjit as dr, mitsuba as mi
@@ -23,7 +24,7 @@ print(compilation.kernels, compilation.seconds > 0, dr.flag(dr.JitFlag.KernelHis
 """
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="the kernels' folder is elsewhere")
+@skips.POSIX.mark
 def test_the_first_run_counts_the_kernels_that_it_compiles_and_the_second_has_none(tmp_path):
     said = [
         subprocess.run(

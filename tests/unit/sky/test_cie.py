@@ -4,7 +4,6 @@ import csv
 import os
 import re
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +14,8 @@ from drcmitsuba_plugins.sampling import disk_solid_angle
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import CieSky, PatchCentres, cie, radiance
 from drcmitsuba.sky.sun import direction
-from tests import SHARED
+from tests import SHARED, skips
+from tests.radiance import home
 
 REFERENCE = SHARED / "reference"
 OPTION = {
@@ -51,9 +51,7 @@ def light(model, sun):
 
 
 def test_table_is_that_of_iso_15469():
-    path = REFERENCE / "iso15469_cie_s011_skies.csv"
-    if not path.exists():
-        pytest.skip("the shared reference tables are not here")
+    path = skips.data(REFERENCE / "iso15469_cie_s011_skies.csv")
     with path.open(newline="") as file:
         rows = list(csv.DictReader(file))[:15]
     np.testing.assert_array_equal(cie.ISO_15469, [[float(row[k]) for k in "abcde"] for row in rows])
@@ -169,8 +167,8 @@ def test_wrong_input_is_refused(arguments, match):
 
 
 def program(name):
-    pyradiance = pytest.importorskip("pyradiance")
-    return Path(pyradiance.__file__).parent / "bin" / name
+    skips.RADIANCE.skip_if_so()
+    return home() / "bin" / name
 
 
 def gensky(kind, altitude, azimuth, turbidity=2.45):

@@ -11,7 +11,7 @@ from drcmitsuba_plugins.sampling import disk_solid_angle
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import PatchCentres, PatchMeans, Perez, perez, radiance
 from drcmitsuba.sky.sun import direction
-from tests import SHARED
+from tests import SHARED, skips
 
 REFERENCE = SHARED / "reference"
 RADIANCE_DEW_POINT = 11.0
@@ -19,9 +19,7 @@ RADIANCE_DEW_POINT = 11.0
 
 
 def table(name):
-    path = REFERENCE / name
-    if not path.exists():
-        pytest.skip("the shared reference tables are not here")
+    path = skips.data(REFERENCE / name)
     with path.open(newline="") as file:
         return list(csv.DictReader(file))
 

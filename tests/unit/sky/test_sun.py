@@ -2,7 +2,6 @@
 
 import re
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +9,7 @@ import pytest
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import sun_position
 from drcmitsuba.sky.weather import Site
+from tests import radiance, skips
 
 GENEVA = Site("Geneva", 46.25, 6.13, 1.0, 416.0)
 BARROW = Site("Barrow", 71.286, -156.767, -9.0, 10.0)
@@ -25,8 +25,8 @@ def at(stamp, site):
 
 def gendaylit_direction(time, site):
     """Sun of Radiance's `gendaylit -y`, after Michalsky's almanac, at one local time."""
-    pyradiance = pytest.importorskip("pyradiance")
-    program = Path(pyradiance.__file__).parent / "bin" / "gendaylit"
+    skips.RADIANCE.skip_if_so()
+    program = radiance.home() / "bin" / "gendaylit"
     day = time.astype("datetime64[D]").item()
     hour = (time - time.astype("datetime64[D]")) / np.timedelta64(1, "h")
     place = ["-a", site.latitude, "-o", -site.longitude, "-m", -15 * site.timezone]

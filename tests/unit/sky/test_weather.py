@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import weather
-from tests import SHARED
+from tests import SHARED, skips
 
 SHARED = SHARED / "data" / "weather"
 PVLIB = Path(pvlib.__file__).parent / "data"
@@ -21,9 +21,7 @@ LOCATION = "LOCATION,Town,-,XXX,made,000000,46.25,6.13,1.0,416.0"
 
 
 def shared(name):
-    path = SHARED / name
-    if not path.exists():
-        pytest.skip("no shared weather files beside this checkout")
+    path = skips.data(SHARED / name)
     return weather.read(path)
 
 

@@ -71,6 +71,8 @@ def test_some_hours_of_the_sun_keep_their_draws():
 
 
 def test_verdicts_are_plain_json():
-    for verdict in standards.verdicts(near_the_threshold()):
+    verdicts = standards.verdicts(near_the_threshold())
+    assert len(verdicts) == len(standards.names())
+    for verdict in verdicts:
         told = json.loads(json.dumps(verdict.to_dict(), allow_nan=False))
         assert told["standard"] in standards.names()

@@ -98,7 +98,9 @@ def test_a_square_gets_the_light_that_has_come_to_its_height():
 def test_flux_that_escapes_has_passed_the_panes():
     """The panes stand on the way out: half of a photon's flux, say, may not vanish."""
     aside = np.array([[[-3, -3, 1.0], [3, -3, 1.0], [3, -3, 4.0], [-3, -3, 4.0]]], float)
-    for book in landed(built(aside)).ledgers.values():
+    ledgers = landed(built(aside)).ledgers
+    assert ledgers
+    for book in ledgers.values():
         out = book.landed + book.absorbed + book.escaped + book.others + book.lost
         assert out == pytest.approx(book.emitted + book.roulette, rel=1e-5)
         assert book.escaped > 0

@@ -442,5 +442,6 @@ def test_a_mirror_alone_lets_everything_escape():
     part = Surface("part", mirror(1.0), tilted(1, 30)[None], "part")
     ports = box_ports("part", [-0.5, -0.5, 0.7], [0.5, 0.5, 1.3])
     landed, _, _ = traced([part], ports, subdivision=1, count=64)
+    assert landed.ledgers
     for ledger in landed.ledgers.values():
         assert ledger.escaped == pytest.approx(ledger.emitted, rel=1e-6)
