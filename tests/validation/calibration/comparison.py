@@ -100,8 +100,9 @@ def evaluated(room: Room, seeds: int) -> np.ndarray:
     """Interreflected light [sr] of every seed, (seed, replicate, channel, sensor, bin)."""
     case = room.case
     points, normals = sensor_points(case)
+    effects = replace(EFFECTS, pane_to_pane=room.pane_to_pane)
     worlds = [
-        scene.load(case, channel=k, effects=EFFECTS) for k in scene.channels_of(case, EFFECTS)
+        scene.load(case, channel=k, effects=effects) for k in scene.channels_of(case, EFFECTS)
     ]
     out = []
     for seed in range(seeds):

@@ -33,6 +33,8 @@ class Room:
     """Angle across the suns [deg]."""
     paths: int = 2048
     """Number of paths from a sensor in each run of the path tracer."""
+    pane_to_pane: bool = False
+    """Whether photons follow light from pane to pane, which rooms of one window have none of."""
     images: tuple[Case, float] | None = None
     """Case that shows images of the suns in place of a mirror to the north or south, and the
     mirror's reflectance: plain paths find suns in mirrors by chance alone."""
@@ -185,7 +187,7 @@ ROOMS: dict[str, Callable[[], Room]] = {
     "white": lambda: Room(box([5.0, 6.0, 2.8], (0.8, 0.6), floor=0.8, walls=0.9, ceiling=0.9)),
     "slats": lambda: Room(slats()),
     "roof light and partition": lambda: Room(
-        roof_light(), size=(3.0, 7.0, 3.0), eye=(0.5, 0.7, 0.4)
+        roof_light(), pane_to_pane=True, size=(3.0, 7.0, 3.0), eye=(0.5, 0.7, 0.4)
     ),
     "film": lambda: Room(film(PRISM)),
     "panel": lambda: Room(film(PANEL)),
