@@ -18,6 +18,7 @@ from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.saved_result import SavedResult, with_record
 from drcmitsuba.blocks.block_folder import BlockFolder
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import VARYING
 from drcmitsuba.metrics.illuminance import KEPT
 from drcmitsuba.metrics.sensor_counts import CountedYear
 from drcmitsuba.plan import Plan
@@ -109,6 +110,7 @@ def evaluated(
         year = large.counted()
     kept = {name: value for name, value in large.attributes.items() if name in KEPT}
     kept |= {"step_hours": light.step_hours}
+    planned = planned.summed() if VARYING in year.closures.states else planned
     reason = "E and C are not kept: the case asks for metrics alone"
     if case.output.illuminance == "auto":
         reason = 'E and C are not kept: they do not fit in memory; [output] illuminance = "all"'

@@ -30,6 +30,7 @@ from drcmitsuba.annual.saved_result import SavedResult, with_record
 from drcmitsuba.annual.workers import Workers
 from drcmitsuba.blocks.block_folder import BlockFolder
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import VARYING
 from drcmitsuba.case.reading import load_case
 from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
@@ -277,6 +278,7 @@ def summed_up(
     `remarks` are the notes on films and shade; a case with a target has an `outcome`.
     """
     case, light = planned.facts.case, planned.facts.light
+    planned = planned.summed() if VARYING in coefficients.others else planned
     more = {} if outcome is None else {"accuracy": asdict(outcome)}
     metrics, effects = with_record(
         planned, evaluated.metrics | more, coefficients.attrs, run, remarks, expected

@@ -33,6 +33,7 @@ def plan(
         decided = decide(loaded, light)
         done(0.3)
         expected = forecast(decided)
+        decided = decided.summed() if expected.summed_states else decided
     entries = expected.beside(decided.to_dict())
     if output is not None:
         storage.save_json(entries, output / "plan.json")

@@ -107,6 +107,11 @@ class Layer:
         """Whether the layer is a mirror or a clear solid, whose light is no cell's."""
         return self.deviating is not None
 
+    @property
+    def is_polished(self) -> bool:
+        """Whether the layer is diffuse and mirrors faintly besides."""
+        return isinstance(self.material, Lambertian) and self.deviates
+
     @cached_property
     def deviating(self) -> MirrorMaterial | DielectricMaterial | None:
         """Mirror or clear solid that the layer is; None for other surfaces.
@@ -212,23 +217,26 @@ class Model:
     notes: tuple[str, ...] = ()
     """One sentence for everything in the source that was simplified or left out."""
 
+    @cached_property
+    def polished(self) -> tuple[str, ...]:
+        """Names of the surfaces that mirror faintly and are diffuse besides."""
+        return tuple(dict.fromkeys(layer.name for layer in self.layers if layer.is_polished))
+
     def without_polish(self) -> Model:
         """Have faintly mirroring surfaces reflect diffusely what they mirror, with a note."""
         return self._matt
 
     @cached_property
     def _matt(self) -> Model:
-        dull, layers = dict[str, None](), []
-        for layer in self.layers:
-            m = layer.material
-            if isinstance(m, Lambertian) and layer.deviates:
-                dull[layer.name] = None
-                layer = layer.made_of(replace(m, polish=0.0))
-            layers.append(layer)
-        if not dull:
+        if not self.polished:
             return self
-        note = f"{DULL}: {', '.join(dull)}."
-        return replace(self, layers=tuple(layers), notes=(*self.notes, note))
+        note = f"{DULL}: {', '.join(self.polished)}."
+        layers = tuple(
+            layer.made_of(replace(layer.material, polish=0.0))
+            if layer.is_polished and isinstance(layer.material, Lambertian) else layer
+            for layer in self.layers
+        )  # fmt: skip
+        return replace(self, layers=layers, notes=(*self.notes, note))
 
     def scaled(self, factor: float) -> Model:
         """Multiply all lengths."""

@@ -4,6 +4,8 @@ panes
     Materials of the façades by their effect on light; largest albedo and depth.
 facts, effect, decide, reflected, mirrors
     One function for each effect, with the quantity that decides it.
+summed_year
+    What is left out where E of a year is a sum over groups of panes.
 planning
     `plan`: all decisions about a case, and the enabled effects that transport reads.
 

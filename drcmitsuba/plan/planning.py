@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -14,6 +14,7 @@ from drcmitsuba.plan import decide, reflected
 from drcmitsuba.plan.effect import Effect
 from drcmitsuba.plan.facts import Facts
 from drcmitsuba.plan.mirrors import mirrors
+from drcmitsuba.plan.summed_year import summed
 from drcmitsuba.scene.components import place
 from drcmitsuba.scene.daylit import refuse_darkness
 from drcmitsuba.scene.enabled_effects import EnabledEffects
@@ -32,7 +33,7 @@ class Plan:
     effects : dict of str to Effect
         Decision on each effect, by name.
     scope : EnabledEffects
-        The same decisions, as transport reads them.
+        The same decisions, as transport reads them; of a summed year, those on its open façade.
     """
 
     facts: Facts
@@ -44,6 +45,10 @@ class Plan:
         """The case as it is simulated: without a shade that never closes."""
         case = self.facts.case
         return case if self.scope.shade else case.with_tables(shading=None, groups={})
+
+    def summed(self) -> Plan:
+        """Say what is left out of a year whose E is a sum over groups of panes."""
+        return replace(self, effects=summed(self.effects, self.facts, self.scope))
 
     def notes(self) -> list[str]:
         """Reasons of the effects that are left out though the scene calls for them."""

@@ -163,6 +163,34 @@ def test_many_states_are_recombined(run, tmp_path, monkeypatch):
     assert "a state is missing" in err
 
 
+@pytest.mark.parametrize("kept", ["all", "metrics"])
+def test_the_plan_of_a_summed_year_says_what_it_leaves_out(run, tmp_path, monkeypatch, kept):
+    """Six states: simulated one by one they have light from pane to pane, in a sum they do not."""
+    rows = islice(cycle(["open,open", "open,1", "milk,open", "milk,1", "2,open", "2,1"]), HOURS)
+    (tmp_path / "states.csv").write_text("south,east\n" + "\n".join(rows))
+    glass = TWO.replace("transmittance = 0.65", "transmittance = 0.65\nreflectance = 0.12")
+    case = glass.replace(DAYS, DAYS + "days_per_week = 1\n") + GROUPS
+    (tmp_path / "case.toml").write_text(case + f'[output]\nilluminance = "{kept}"\n')
+
+    def entry_of(verb):
+        code, out, err = run(verb, tmp_path / "case.toml", "-o", tmp_path / verb)
+        assert code == 0, err
+        written = json.loads((tmp_path / verb / "plan.json").read_text())
+        return written["pane_to_pane"], " ".join(out.split())
+
+    for verb in ("plan", "evaluate"):
+        entry, _ = entry_of(verb)
+        assert entry["on"]
+        assert "sum over groups" not in entry["reason"]
+    monkeypatch.setattr(facade_states, "FEW", 1)
+    for verb in ("plan", "evaluate"):
+        entry, out = entry_of(verb)
+        assert (entry["on"], entry["missing"]) == (False, True)
+        assert "left out of all hours in which a group is not in its first state" in entry["reason"]
+        assert "−1.8 % of the ground's" in entry["reason"]
+        assert f"note: {entry['reason']}" in out
+
+
 def test_a_scene_shows_its_groups(run, tmp_path):
     (tmp_path / "states.csv").write_text("south,east\n" + "open,open\n" * HOURS)
     (tmp_path / "case.toml").write_text(TWO + GROUPS)

@@ -141,3 +141,36 @@ def test_a_room_without_openings_is_dark_and_traces_nothing():
     assert float(abs(result.coefficients["replicates"]).max()) == 0
     assert sum(result.plan["cost"]["actual"]["rays"].values()) == 0
     assert result.metrics["sDA"]["value"] == 0
+
+
+def test_a_summed_year_leaves_out_images_in_panes_and_polished_floors(tmp_path):
+    """The floor is polished in the open state; a sum over groups of panes has it diffuse."""
+    (tmp_path / "room.rad").write_text(
+        "void plastic floor 0 0 5 .2 .2 .2 .03 0\nvoid glass pane 0 0 3 .9 .9 .9\n"
+        "floor polygon f 0 0 12 0 0 0 4 0 0 4 5 0 0 5 0\n"
+        "pane polygon p 0 0 12 0 0 1 0 0 2 4 0 2 4 0 1\n"
+        "pane polygon q 0 0 12 4 5 1 4 5 2 0 5 2 0 5 1\n"
+    )
+    (tmp_path / "case.toml").write_text(
+        "[model]\nfiles = ['room.rad']\n[sensors]\nfloors = ['floor']\n[period]\nmonths = [6]\n"
+        "[materials.shade]\ntype = 'diffuser'\ntransmittance = 0.1\n[shading]\nmaterial = 'shade'\n"
+    )
+    case = load_case(tmp_path / "case.toml")
+    own = plan(case, daylight(case))
+    summed = own.summed()
+    assert own.effects["mirrors"].on
+    assert not own.notes()
+    assert summed.scope == own.scope
+    changed = {name for name in own.effects if summed.effects[name] != own.effects[name]}
+    assert changed == {"pane_to_pane", "mirrors"}
+    panes, mirrors = (summed.effects[name] for name in ("pane_to_pane", "mirrors"))
+    assert (panes.on, panes.missing) == (False, True)
+    assert mirrors.missing
+    assert mirrors.reason.startswith("images in panes and in polished surfaces (floor; diffuse")
+    assert summed.notes() == [panes.reason, mirrors.reason]
+    assert plan(case.without_polish(), daylight(case)).summed().notes() == [panes.reason]
+
+
+def test_a_summed_year_of_a_room_without_mirrors_leaves_nothing_out():
+    own = planned()
+    assert own.summed() == own

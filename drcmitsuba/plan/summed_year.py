@@ -1,0 +1,52 @@
+"""What a plan leaves out of a year whose E is a sum over groups of panes, where they are not open.
+
+Such a year takes more states of the façade than are simulated one by one, see
+`transport.group_basis`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from drcmitsuba.plan.effect import Effect
+from drcmitsuba.plan.facts import Facts
+from drcmitsuba.plan.mirrors import mirrors
+from drcmitsuba.scene.enabled_effects import EnabledEffects
+
+WHEN = (
+    "left out of all hours in which a group is not in its first state, since their E is a sum over "
+    "groups of panes"
+)
+SIZE = (
+    "−0.6 % of the sky's light, −1.8 % of the ground's and up to 10 % of a patch's in a room with "
+    "windows in three façades"
+)
+"""Measured in `docs/howto/groups.md`."""
+
+
+def summed(effects: Mapping[str, Effect], facts: Facts, scope: EnabledEffects) -> dict[str, Effect]:
+    """Decisions on a summed year, from those on its open façade."""
+    panes = effects["pane_to_pane"]
+    if panes.on:
+        reason = f"light from pane to pane is {WHEN} ({SIZE}); in other hours: {panes.reason}"
+        panes = replace(panes, on=False, reason=reason, missing=True)
+    return {
+        **effects,
+        "pane_to_pane": panes,
+        "mirrors": _images(effects["mirrors"], facts, scope),
+    }
+
+
+def _images(every: Effect, facts: Facts, scope: EnabledEffects) -> Effect:
+    """Decide on images of suns, of which those in polished surfaces and in panes may be missing."""
+    dull = replace(facts, case=facts.case.without_polish())
+    kept = mirrors(dull, replace(scope, pane_to_pane=False))
+    if not every.on or kept == every:
+        return every
+    lost = ["in panes"] if scope.pane_to_pane else []
+    if polished := facts.case.building.polished:
+        names = ", ".join(polished)
+        lost.append(f"in polished surfaces ({names}; diffuse there, E up to 1 % lower)")
+    reason = f"images {' and '.join(lost)} are {WHEN}; in other hours: {every.reason}"
+    return Effect(kept.on, reason, every.quantities, missing=bool(polished))
