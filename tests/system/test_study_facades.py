@@ -140,7 +140,7 @@ def test_rows_share_a_basis_where_a_basis_holds_them(cases):
     assert shared([*cases, *(c.with_tables(room=walls) for c in cases)]) == [
         everything, [i + 12 for i in everything],
     ]  # fmt: skip
-    target = cases[0].accuracy.model_copy(update={"target": 0.1})
+    target = cases[0].accuracy.model_copy(update={"target": "1 point"})
     assert shared([case.with_tables(accuracy=target) for case in cases]) == []
 
 
