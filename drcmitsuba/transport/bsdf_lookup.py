@@ -18,9 +18,14 @@ def number(bsdf: mi.BSDFPtr) -> mi.UInt32:
     return dr.reinterpret_array(mi.UInt32, bsdf)
 
 
+def numbers(scene: Scene) -> list[int]:
+    """Numbers of the BSDFs of a scene's parts."""
+    return [int(number(mi.BSDFPtr(part.bsdf))[0]) for part in scene.parts]
+
+
 def table(scene: Scene, values: Sequence[float], dtype: type[np.number]) -> np.ndarray:
     """Values of the parts of a scene, by the numbers of their BSDFs."""
-    at = [int(number(mi.BSDFPtr(part.bsdf))[0]) for part in scene.parts]
+    at = numbers(scene)
     out = np.zeros(max(at) + 1, dtype)
     out[at] = values
     return out
@@ -28,8 +33,7 @@ def table(scene: Scene, values: Sequence[float], dtype: type[np.number]) -> np.n
 
 def bsdfs(scene: Scene, part: mi.UInt32) -> mi.BSDFPtr:
     """BSDFs of parts of a scene by their indices."""
-    numbers = [int(number(mi.BSDFPtr(one.bsdf))[0]) for one in scene.parts]
-    every = flat_indices(np.array(numbers, np.uint32))
+    every = flat_indices(np.array(numbers(scene), np.uint32))
     return dr.reinterpret_array(mi.BSDFPtr, dr.gather(mi.UInt32, every, part))
 
 

@@ -33,7 +33,7 @@ from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import Surface, is_triangle, normals, reversed_quads
 from drcmitsuba.scene.scene import Part, Scene
-from drcmitsuba.transport.bsdf_lookup import number, table
+from drcmitsuba.transport.bsdf_lookup import number, numbers, table
 
 MOST_IN_TURN = 2
 """Largest number of mirrors of a chain."""
@@ -258,7 +258,7 @@ class PlanarMirrors:
         first[[i for i, _ in mirrors]], row[[i for i, _ in mirrors]] = begins, range(len(mirrors))
         of_faces = np.repeat(np.where(axis < 0, NONE, axis), faces)
         by_number = table(scene, first.tolist(), np.uint32)
-        by_number[~np.isin(np.arange(len(by_number)), _numbers(scene))] = NONE
+        by_number[~np.isin(np.arange(len(by_number)), numbers(scene))] = NONE
         return cls(
             scene, tuple(i for i, _ in mirrors), axes, tuple(rectangles), tuple(seen),
             _chains(rectangles, axes, strongest), left_out,
@@ -300,11 +300,6 @@ class PlanarMirrors:
             if place:
                 may &= _leads(self.rectangles[chain[place - 1]], self.rectangles[chain[place]], d)
         return d, may
-
-
-def _numbers(scene: Scene) -> list[int]:
-    """Numbers of the BSDFs of a scene's parts."""
-    return [int(number(mi.BSDFPtr(part.bsdf))[0]) for part in scene.parts]
 
 
 def _reflectances(material: SurfaceMaterial) -> np.ndarray:
