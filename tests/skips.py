@@ -1,4 +1,4 @@
-"""What a skipped test lacks. A run counts its skips, and one that lacks nothing of these fails it.
+"""Skipped tests lack something. A run counts skips; one that lacks nothing of these fails it.
 
 `conftest` takes the two hooks at the end. Of several processes the one that reports counts.
 """
@@ -107,7 +107,7 @@ def module(name: str) -> ModuleType:
 
 
 def lack_of(reason: str) -> Lack | None:
-    """What a skip lacks by its reason; None where it is not expected."""
+    """Find the lack that a skip's reason names; None where it is not expected."""
     named = (lack for lack in LACKS if reason.split(":")[0] == lack.words)
     return next((lack for lack in named if lack.is_so()), None)
 

@@ -26,7 +26,7 @@ from drcmitsuba.runtime.content_key import content_key
 from drcmitsuba.runtime.errors import BackendError, InputError
 from drcmitsuba.runtime.folder_lock import locked
 from drcmitsuba.runtime.progress import Progress, part
-from drcmitsuba.runtime.provenance import Provenance
+from drcmitsuba.runtime.provenance import Provenance, StoredKeys
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
 from drcmitsuba.sky.daylight import Daylight, daylight
 
@@ -110,10 +110,7 @@ def study(
     with locked(folder):
         storage.remove_abandoned(folder)
         blocks = BlockFolder.cache(folder / CACHE if cache is None else cache).telling(tell)
-        if finished := _finished(plan, rows, folder / "rows"):
-            tell(f"going on from {finished} of {len(rows)} rows stored in {folder / 'rows'}")
-        if older := _of_other_programs(plan, rows, folder / "rows"):
-            tell(f"stored rows of another version, evaluated again: {older} in {folder / 'rows'}")
+        _tell_stored(plan, rows, folder / "rows", tell)
         done = _evaluate_facades(plan, rows, folder / "rows", workers, progress)
         others = part(progress, done, 1.0)
         if workers is not None:
@@ -230,16 +227,16 @@ def _ordered(frame: pd.DataFrame, keys: tuple[str, ...]) -> pd.DataFrame:
     return frame[["row", *keys, *metrics, "error"]]
 
 
-def _finished(plan: Study, rows: list[Row], folder: Path) -> int:
-    """Number of rows whose metrics are stored."""
-    cases = (case for _, case, _ in _readable(plan, rows))
-    return sum(_stored(folder / f"{_key(case)}.json") is not None for case in cases)
-
-
-def _of_other_programs(plan: Study, rows: list[Row], folder: Path) -> int:
-    """Number of rows whose metrics another program made."""
-    cases = (case for _, case, _ in _readable(plan, rows))
-    return sum(_provenance(case).is_of_another_program(folder) for case in cases)
+def _tell_stored(plan: Study, rows: list[Row], folder: Path, tell: Callable[[str], None]) -> None:
+    """Tell of how many rows metrics are stored, and of how many another program made them."""
+    stored = StoredKeys.of(folder)
+    if not stored.keys:
+        return
+    made = [_provenance(case) for _, case, _ in _readable(plan, rows)]
+    if finished := sum(_stored(folder / f"{one.key}.json") is not None for one in made):
+        tell(f"going on from {finished} of {len(rows)} rows stored in {folder}")
+    if older := sum(map(stored.are_of_another_program, made)):
+        tell(f"stored rows of another version, evaluated again: {older} in {folder}")
 
 
 def _line(plan: Study, row: Row, folder: Path, blocks: BlockFolder) -> dict[str, Any]:

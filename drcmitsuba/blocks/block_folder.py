@@ -179,10 +179,9 @@ class BlockFolder:
     def series(self, about: str, *content: Any, part: Part = EVERY_BLOCK) -> BlockSeries:
         """Blocks that depend on some content; `about` are words for lists."""
         made = Provenance.of(FORMAT, *content)
-        folder = self.path / made.key
-        if self.before is not None and made.is_of_another_program(self.path):
-            self.before.tell_other(about, folder)
-        return BlockSeries(folder, about, self.notes, part, self.writing, self.before)
+        if self.before is not None:
+            self.before.tell_other(about, made)
+        return BlockSeries(self.path / made.key, about, self.notes, part, self.writing, self.before)
 
     @property
     def limit(self) -> int:

@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from drcmitsuba.runtime.provenance import Provenance, StoredKeys
+
 MOST_LINES = 10
 """Largest number of lines that tell of stored blocks, as of a study's rows."""
 
@@ -15,6 +17,7 @@ class StoredBefore:
     """Files of a folder of blocks when a run begins; those that its workers add are left out."""
 
     folder: Path
+    keys: StoredKeys
     files: frozenset[Path]
     tell: Callable[[str], None]
     """Function that shows a line to the user."""
@@ -24,7 +27,7 @@ class StoredBefore:
     @classmethod
     def of(cls, folder: Path, tell: Callable[[str], None]) -> StoredBefore:
         """List the blocks of all keys in a folder, which need not exist."""
-        return cls(folder, frozenset(folder.glob("*/*.zip")), tell)
+        return cls(folder, StoredKeys.of(folder), frozenset(folder.glob("*/*.zip")), tell)
 
     def tell_once(self, about: str, paths: Sequence[Path]) -> None:
         """Tell how many of the blocks of a key were stored; nothing where none was."""
@@ -34,10 +37,11 @@ class StoredBefore:
             line = f"{about}: going on from {blocks} stored in {self.folder}"
             self._tell_once(paths[0].parent, line)
 
-    def tell_other(self, about: str, key: Path) -> None:
-        """Tell that the blocks of a key were made by another program, and are made again."""
-        line = f"{about}: blocks in {self.folder} are of another version or variant, and made again"
-        self._tell_once(key, line)
+    def tell_other(self, about: str, made: Provenance) -> None:
+        """Tell where another program made the blocks, which are made again."""
+        if self.keys.are_of_another_program(made):
+            which = f"blocks in {self.folder} are of another version or variant"
+            self._tell_once(self.folder / made.key, f"{about}: {which}, and made again")
 
     def _tell_once(self, key: Path, line: str) -> None:
         if key in self.told:

@@ -40,7 +40,8 @@ class Luminance:
     error: np.ndarray
     """Standard error of the mean [cd/m²], shape (row, column)."""
     disk: np.ndarray
-    """Part of the mean that is the sun's disk seen straight, without noise [cd/m²]."""
+    """Part of the mean that is the sun's disk, seen straight or in planar mirrors, without noise
+    [cd/m²]."""
 
 
 @dataclass(frozen=True)

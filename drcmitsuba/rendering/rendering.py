@@ -64,7 +64,8 @@ class Rendering:
     error: np.ndarray
     """Standard error of the luminance of each pixel [cd/m²], shape (row, column)."""
     disk: np.ndarray
-    """Luminance by the sun's disk seen straight, which has no error [cd/m²], (row, column)."""
+    """Luminance by the sun's disk, seen straight or in planar mirrors, which has no error [cd/m²],
+    shape (row, column)."""
     freedom: int
     """Degrees of freedom of the error: one less than the replicates, or rounds, that scatter."""
     case: str
@@ -84,8 +85,8 @@ class Rendering:
     def half_width(self) -> float:
         """Half a 95 % interval of the luminance of a pixel over it [%].
 
-        The root mean square of all pixels, weighted by the luminance; the sun's disk seen straight
-        is left out. 0 where it is dark.
+        The root mean square of all pixels, weighted by the luminance; the sun's disk, seen
+        straight or in planar mirrors, is left out. 0 where it is dark.
         """
         L = self.picture.luminance - self.disk
         return float(of_hours(L.reshape(-1, 1), self.error.reshape(-1, 1), self.freedom + 1)[0])

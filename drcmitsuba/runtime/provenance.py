@@ -8,6 +8,7 @@ from what was made of others, so that the user hears why it is made again.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +65,22 @@ class Provenance:
         """Name of files and folders."""
         return f"{self.inputs}-{self.program}"
 
-    def is_of_another_program(self, folder: Path) -> bool:
-        """Whether a folder holds what another program made of the inputs, and nothing of this."""
-        stored = {path.name.split(".")[0] for path in folder.glob(f"{self.inputs}-*")}
-        return bool(stored) and self.key not in stored
+
+@dataclass(frozen=True)
+class StoredKeys:
+    """Keys of what a folder holds."""
+
+    keys: frozenset[str]
+
+    @classmethod
+    def of(cls, folder: Path) -> StoredKeys:
+        """List the keys of a folder, which need not exist."""
+        return cls(frozenset(path.name.partition(".")[0] for path in folder.glob("*-*")))
+
+    @cached_property
+    def _inputs(self) -> frozenset[str]:
+        return frozenset(key.partition("-")[0] for key in self.keys)
+
+    def are_of_another_program(self, made: Provenance) -> bool:
+        """Whether they hold what another program made of the same inputs, and nothing of this."""
+        return made.inputs in self._inputs and made.key not in self.keys

@@ -246,7 +246,7 @@ def test_a_full_disk_leaves_nothing(monkeypatch, capsys, tmp_path):
 
 
 def test_light_paths_of_another_method_are_traced_again(rendered, monkeypatch, capsys, tmp_path):
-    """What stood with them left out the method: pictures kept the light of an older one."""
+    """Their statement left out the method, so that pictures kept the light of an older one."""
     shutil.copytree(rendered, tmp_path / "copy")
     monkeypatch.chdir(tmp_path / "copy")
     stated = Path("out/desk_light_paths/channel_0/view.json")

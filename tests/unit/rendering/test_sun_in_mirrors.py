@@ -106,7 +106,7 @@ def test_two_mirrors_in_turn_show_the_sun_thrice():
 
 
 def test_rays_count_nothing_that_images_count():
-    """What rays find is dark, so that the image has no noise, and nothing counts twice."""
+    """Rays find darkness alone, so that the image has no noise, and nothing counts twice."""
     traced, _ = seen(Surface("m", mirror(), wall()[None], "m"), angle=2.0, samples=64)
     assert replicates(traced, OUTSIDE, DARK).max() == 0
     assert luminance(traced, OUTSIDE, DARK).mean.max() == pytest.approx(0.8 * LUMINANCE, rel=1e-4)
