@@ -8,8 +8,8 @@ controls, standards
     States of groups of panes, electric light; verdicts on standards with their probability.
 sky, weather, period, coefficients, accumulate
     Luminances L of the sky and the suns; C = D + G·D; E = C·L.
-group_coefficients, controlled, lights
-    C by group of panes and state; E of any states, or of a control; who lights a point.
+elements, controlled, lights
+    Light by opening and fill, and any façade from it; E of a control; who lights a point.
 glare, view_distances
     DGP of every view at every time stamp; how far points see beyond clear openings.
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from drcmitsuba import schema as schema
     from drcmitsuba import sky as sky
     from drcmitsuba.annual.controlled import controlled as controlled
-    from drcmitsuba.annual.group_coefficients import group_coefficients as group_coefficients
+    from drcmitsuba.annual.elements import elements as elements
     from drcmitsuba.annual.lights import lights as lights
     from drcmitsuba.annual.lights import lights_of_sensors as lights_of_sensors
     from drcmitsuba.annual.result import Result as Result
@@ -59,10 +59,10 @@ _NAMES = {
     "backend": "runtime.backend",
     "coefficients": "transport.coefficients",
     "controlled": "annual.controlled:controlled",
+    "elements": "annual.elements:elements",
     "evaluate": "annual.result:evaluate",
     "evaluate_within": "annual.result:evaluate_within",
     "glare": "glare_year:glare",
-    "group_coefficients": "annual.group_coefficients:group_coefficients",
     "lights": "annual.lights:lights",
     "lights_of_sensors": "annual.lights:lights_of_sensors",
     "load_case": "case.reading:load_case",

@@ -22,9 +22,9 @@ import xarray as xr
 
 from drcmitsuba import metrics
 from drcmitsuba.annual.attributes import attributes
-from drcmitsuba.annual.group_coefficients import years_of_states
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.sensor_stream import Stream, aligned, sensor_stream
+from drcmitsuba.annual.summed_year import years_of_states
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, VARYING, State
 from drcmitsuba.metrics import illuminance

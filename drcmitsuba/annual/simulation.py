@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from drcmitsuba.annual.attributes import attributes, fingerprint
-from drcmitsuba.annual.group_coefficients import years_of_states
-from drcmitsuba.annual.hours_in_any_weather import hours_in_any_weather
 from drcmitsuba.annual.pane_group_of_sun import PaneGroupOfSun
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.sample_accumulator import SampleAccumulator
+from drcmitsuba.annual.simulated_year import SimulatedYear, simulated_year
+from drcmitsuba.annual.summed_year import years_of_states
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.groups import OPEN, SHADED, VARYING, GroupStates, State
+from drcmitsuba.case.groups import OPEN, State
 from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
-from drcmitsuba.metrics.evaluate_metrics import draw_shade
-from drcmitsuba.metrics.facade_states import FacadeStates
-from drcmitsuba.metrics.intervals import ShadeDraws
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, part
@@ -34,7 +31,6 @@ from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.sensors import sensor_coordinates, sensor_points
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import Daylight
-from drcmitsuba.sky.luminances import sources
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.sun_interpolation import mesh_of, meshed, with_straight
@@ -177,34 +173,35 @@ def is_kept(case: Case, daylight: Daylight, run: Run) -> bool:
     return bool(run.kept(case.name, *content, daylight.suns).cover(len(points)))
 
 
-class SimulatedYear(NamedTuple):
-    """C of all states of a case, and what decided on them: the last arguments of the metrics."""
+@dataclass(frozen=True)
+class _Traced:
+    """States of a case that are traced one by one, or were known before."""
 
-    coefficients: Coefficients
-    """C [sr]."""
-    direct: xr.Dataset
-    """Direct sun of the case's time stamps by `illuminance.direct_sun` [lx]."""
-    shade: ShadeDraws | None
-    """States that may occur by this direct sun; None where something else decided."""
+    case: Case
     daylight: Daylight
-    """Daylight without the year where C cannot tell E of all its hours."""
+    run: Run
+    known: Mapping[State, xr.Dataset]
+    """C of another weather by state."""
+    mesh: list[str] = field(default_factory=list)
+    """Labels of the mesh of an adaptive sun, once the open state has refined it."""
 
+    def state(self, state: State, labels: np.ndarray | None, progress: Progress) -> xr.Dataset:
+        """C of one state; see `StateSource`. Known suns are not simulated again."""
+        case, run, suns, known = self.case, self.run, self.daylight.suns, self.known.get(state)
+        latitude, mesh = self.daylight.sky.attrs["latitude"], tuple(self.mesh)
+        if labels is not None and not run.shares_blocks:  # else any weather may ask for any sun
+            suns = suns.only(labels)
+        C = _state(case, state, suns, latitude, known, mesh, run, progress)
+        if state == OPEN:
+            self.mesh[:] = mesh_of(C)
+        return C
 
-class _Taken(NamedTuple):
-    """States that the façade may take at time stamps of a daylight."""
-
-    daylight: Daylight
-    direct: xr.Dataset
-    shade: ShadeDraws | None
-    hours: dict[State, np.ndarray]
-    """Mask (time,) of the time stamps that may take each state but the open one."""
-
-    def of_case(self) -> tuple[xr.Dataset, ShadeDraws | None]:
-        """Direct sun and draws of the case's own time stamps."""
-        if self.daylight.year is None:
-            return self.direct, self.shade
-        rows = self.daylight.rows
-        return self.direct.isel(time=rows), None if self.shade is None else self.shade.at(rows)
+    def year(self, daylight: Daylight, indices: np.ndarray, progress: Progress) -> xr.Dataset:
+        """E of a year; see `StateSource`."""
+        self.run.forget_paths()
+        every = years_of_states(self.case, daylight, indices, self.run, progress)
+        years = [year for _, year in every]
+        return years[0] if len(years) == 1 else xr.concat(years, "sensor")
 
 
 def simulate(
@@ -237,74 +234,11 @@ def simulate(
     simulated = case if effects.shade else case.with_tables(shading=None, groups={})
     if known is not None:
         _refuse_others(known, case, daylight, effects)
-    states = {} if known is None else known.states
-    suns, latitude = daylight.suns, daylight.sky.attrs["latitude"]
     marked = attributes(case, daylight, effects)  # reads schedules, which may be unfit
     if not marked["has_shade"]:
         run = replace(run, shared=None)
-    with run.timed("open façade") as done:
-        C = _state(simulated, OPEN, suns, latitude, states.get(OPEN), (), run, done)
-    coefficients = Coefficients(C.assign_attrs(marked))
-    if not marked["has_shade"]:
-        direct = illuminance.direct_sun(coefficients, daylight.sky)
-        return SimulatedYear(coefficients, direct, None, daylight)
-    taken = _taken(simulated, daylight, coefficients, needed)
-    daylight = taken.daylight
-    groups, every = GroupStates.of_attributes(marked), daylight.every
-    if effects.every_shade and VARYING not in taken.hours:
-        taken.hours[groups.label(groups.last)] = np.ones(every.sky.sizes["time"], bool)
-    states_of = {state: hours for state, hours in taken.hours.items() if hours.any()}
-    mesh, others = mesh_of(C), dict[State, xr.Dataset]()
-    if VARYING in states_of:
-        run.forget_paths()
-        indices = FacadeStates.of(marked, taken.direct).of_group
-        others[VARYING] = _varying(simulated, daylight, indices, run)
-    elif states_of:
-        with run.timed("shaded façade") as done:
-            for i, (state, hours) in enumerate(states_of.items()):
-                some = suns  # of shared blocks: any weather and rule may ask for any sun
-                if not run.shares_blocks:
-                    some = suns.only(sources(every.sky.isel(time=hours)))
-                share = part(done, i / len(states_of), (i + 1) / len(states_of))
-                known_C = states.get(state)
-                others[state] = _state(simulated, state, some, latitude, known_C, mesh, run, share)
-    run.forget_paths()
-    return SimulatedYear(Coefficients(coefficients.open, others), *taken.of_case(), daylight)
-
-
-def _taken(
-    case: Case, daylight: Daylight, coefficients: Coefficients,
-    needed: Callable[[xr.Dataset], np.ndarray] | None,
-) -> _Taken:  # fmt: skip
-    """States that the façade may take in every hour of a daylight; `needed` as for `simulate`.
-
-    Where the states of a year are too many to be simulated one by one, those of the case's own
-    time stamps alone are.
-    """
-    if daylight.year is not None:
-        try:
-            of_year = _taken(case, daylight.year, coefficients, needed)
-        except InputError:  # too many for any weather
-            of_year = None
-        if of_year is None or VARYING in of_year.hours:
-            return _taken(case, daylight.alone(), coefficients, needed)
-        return of_year._replace(daylight=daylight)
-    marked = coefficients.attrs
-    direct = illuminance.direct_sun(coefficients, daylight.sky)
-    if needed is not None:
-        return _Taken(daylight, direct, None, {SHADED: needed(direct)})
-    if case.effects.dark_hours == "all":  # another weather may let suns shine that do not here
-        hours = hours_in_any_weather(case, daylight, coefficients, marked)
-        return _Taken(daylight, direct, None, hours)
-    shade = draw_shade(case, daylight.step_hours, direct, marked)
-    return _Taken(daylight, direct, shade, shade.closures.others)
-
-
-def _varying(case: Case, daylight: Daylight, indices: np.ndarray, run: Run) -> xr.Dataset:
-    """`illuminance` (replicate, time, sensor) [lx] of a year in which the façade's state varies."""
-    with run.timed("groups of panes") as done:
-        years = [year for _, year in years_of_states(case, daylight, indices, run, done)]
-    return years[0] if len(years) == 1 else xr.concat(years, "sensor")
+    traced = _Traced(simulated, daylight, run, {} if known is None else known.states)
+    return simulated_year(traced, simulated, daylight, run, marked, needed)
 
 
 def coefficients(case: Case, daylight: Daylight, run: Run | None = None) -> Coefficients:

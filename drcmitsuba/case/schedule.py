@@ -65,13 +65,21 @@ class Schedule:
 
         29 February takes the states of 28 February.
         """
-        months, days = time.dt.month.values, time.dt.day.values
-        hour = _FIRST_DAY[months - 1] + np.where((months == 2) & (days == 29), 28, days) - 1
-        hour = 24 * hour + time.dt.hour.values
+        hour = hour_of_year(time)
         out = np.zeros((len(hour), self.groups), np.int16)
         for group, states in self.of_group.items():
             out[:, group] = states[hour]
         return out
+
+
+def hour_of_year(time: xr.DataArray) -> np.ndarray:
+    """Hour of a year of 365 days that holds each time stamp, int, (time,).
+
+    29 February counts as 28 February.
+    """
+    months, days = time.dt.month.values, time.dt.day.values
+    day = _FIRST_DAY[months - 1] + np.where((months == 2) & (days == 29), 28, days) - 1
+    return np.asarray(24 * day + time.dt.hour.values)
 
 
 def schedule_of(groups: Mapping[str, Group], states: GroupStates) -> Schedule:

@@ -1,7 +1,7 @@
 """A plan says what is left out of a year whose E is a sum over groups of panes, where not open.
 
 Such a year takes more states of the façade than are simulated one by one, see
-`transport.group_basis`.
+`transport.elements`.
 """
 
 from __future__ import annotations

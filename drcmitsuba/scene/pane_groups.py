@@ -6,7 +6,7 @@ groups by the direction that they face, as LM-83 closes the shades of each faça
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
@@ -23,9 +23,13 @@ from drcmitsuba.model.materials import (
 from drcmitsuba.model.model import Layer
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import shortened
-from drcmitsuba.scene.panes_of_model import panes_of_model
-
-NO_GROUP = -1
+from drcmitsuba.scene.like_panes import (
+    NO_GROUP,
+    LikePanes,
+    assigned_to,
+    like_panes,
+    of_no_group,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +60,7 @@ class PaneGroups:
         if case.groups:
             return _by_table(case)
         if case.shading is None:
-            return cls(GroupStates((), ()), {}, _of_no_group(case), (), ())
+            return cls(GroupStates((), ()), {}, of_no_group(case), (), ())
         return _by_facing(case)
 
     @classmethod
@@ -72,9 +76,9 @@ class PaneGroups:
         """
         if case.groups:
             return _by_table(case)
-        every = list(_panes(case))
+        every = list(like_panes(case))
         states = GroupStates(tuple(map(str, every)), ((OPEN,),) * len(every))
-        assigned = _assigned(case, list(zip(every, range(len(every)), strict=True)))
+        assigned = assigned_to(case, list(zip(every, range(len(every)), strict=True)))
         return cls(states, *assigned, tuple((pane.facing,) for pane in every), ((),) * len(every))
 
     def __len__(self) -> int:
@@ -105,62 +109,10 @@ class PaneGroups:
         return layer.states[min(index, len(layer.states) - 1)].material
 
 
-@dataclass(frozen=True, eq=False)
-class _Panes:
-    """Panes of one material that face one direction, and where to write their group."""
-
-    name: str
-    facing: str
-    clear: bool
-    strip: tuple[str, str] | None = None
-    """Material and side of a room of boxes."""
-    layer: int = -1
-    """Index of a model's layer."""
-    quads: np.ndarray | None = None
-    """Indices of their quads in the layer, int, shape (quad,)."""
-
-    def __str__(self) -> str:
-        return f"{self.name} ({self.facing})"
-
-
-def _panes(case: Case) -> Iterator[_Panes]:
-    """Yield the panes of a case that stand between a room and the outside."""
-    for side, facade in case.facade.items():
-        for name in dict.fromkeys(s.material for s in facade.strips):
-            if name != "wall" and name not in case.components:
-                yield _Panes(name, side, case.is_clear(name), strip=(name, side))
-    panes = panes_of_model(case.building)
-    facings = np.array(panes.facing, object)
-    for i in np.unique(panes.layer[panes.outside]).tolist():
-        layer = case.building.layers[i]
-        mine = panes.outside & (panes.layer == i)
-        for facing in dict.fromkeys(facings[mine]):
-            polygons = panes.polygon[mine & (facings == facing)]
-            quads = np.flatnonzero(np.isin(layer.polygon, polygons))
-            clear = case.is_clear(layer.name)
-            yield _Panes(layer.name, facing, clear, layer=i, quads=quads)
-
-
-def _of_no_group(case: Case) -> tuple[np.ndarray, ...]:
-    return tuple(np.full(len(layer.quads), NO_GROUP) for layer in case.building.layers)
-
-
-def _assigned(
-    case: Case, panes: list[tuple[_Panes, int]]
-) -> tuple[dict[tuple[str, str], int], tuple[np.ndarray, ...]]:
-    """Groups by strip, and by quad of every layer."""
-    of_strip = {some.strip: group for some, group in panes if some.strip is not None}
-    of_quads = _of_no_group(case)
-    for some, group in panes:
-        if some.quads is not None:
-            of_quads[some.layer][some.quads] = group
-    return of_strip, of_quads
-
-
 def _by_facing(case: Case) -> PaneGroups:
     """Groups of the clear panes by direction; one group of all where they close together."""
     assert case.shading is not None
-    every = list(_panes(case))
+    every = list(like_panes(case))
     clear = [pane for pane in every if pane.clear]
     facings = list(dict.fromkeys(pane.facing for pane in clear))
     shade = (case.materials[case.shading.material],)
@@ -171,14 +123,14 @@ def _by_facing(case: Case) -> PaneGroups:
         numbers = [facings.index(pane.facing) for pane in clear]
     assigned = list(zip(clear, numbers, strict=True))
     if len(states) == 1:
-        return PaneGroups(states, *_assigned(case, assigned), (tuple(facings),), (shade,))
+        return PaneGroups(states, *assigned_to(case, assigned), (tuple(facings),), (shade,))
     each = tuple((facing,) for facing in facings)
     return _with_others(case, every, assigned, states, each, (shade,) * len(states))
 
 
 def _by_table(case: Case) -> PaneGroups:
     """Groups of `[groups]`."""
-    every, taken = list(_panes(case)), dict[_Panes, str]()
+    every, taken = list(like_panes(case)), dict[LikePanes, str]()
     assigned, facings, states, materials = [], [], [], []
     for number, name in enumerate(case.groups):
         mine = _meant(case, name, every)
@@ -196,7 +148,7 @@ def _by_table(case: Case) -> PaneGroups:
     return _with_others(case, every, assigned, groups, tuple(facings), tuple(materials))
 
 
-def _meant(case: Case, name: str, every: list[_Panes]) -> list[_Panes]:
+def _meant(case: Case, name: str, every: list[LikePanes]) -> list[LikePanes]:
     """Panes of a group: those whose material and direction it names, or those of the model's."""
     group, layers = case.groups[name], case.building.layers
     if group.panes:
@@ -220,7 +172,7 @@ def _meant(case: Case, name: str, every: list[_Panes]) -> list[_Panes]:
 
 
 def _further_states(
-    case: Case, name: str, mine: list[_Panes]
+    case: Case, name: str, mine: list[LikePanes]
 ) -> tuple[tuple[str, ...], tuple[SurfaceMaterial | None, ...]]:
     """Names of a group's states after the first, and their materials; none for the model's own."""
     group = case.groups[name]
@@ -251,7 +203,7 @@ def _refuse_mirrors(case: Case, group: str, layers: list[Layer]) -> None:
 
 
 def _with_others(
-    case: Case, every: list[_Panes], assigned: list[tuple[_Panes, int]], states: GroupStates,
+    case: Case, every: list[LikePanes], assigned: list[tuple[LikePanes, int]], states: GroupStates,
     facings: tuple[tuple[str, ...], ...], materials: tuple[tuple[SurfaceMaterial | None, ...], ...],
 ) -> PaneGroups:  # fmt: skip
     """Groups with those panes in a group of their own that belong to none."""
@@ -262,7 +214,7 @@ def _with_others(
         states = GroupStates((*states.names, OTHERS), (*states.states, (OPEN,)))
         facings = (*facings, tuple(dict.fromkeys(pane.facing for pane in rest)))
         materials = (*materials, ())
-    return PaneGroups(states, *_assigned(case, assigned), facings, materials)
+    return PaneGroups(states, *assigned_to(case, assigned), facings, materials)
 
 
 def _told_apart(names: tuple[str, ...]) -> tuple[str, ...]:

@@ -18,7 +18,8 @@ from drcmitsuba.model.materials import (
 from drcmitsuba.model.model import Layer
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.geometry import origin, recentred, rotation, wall
-from drcmitsuba.scene.pane_groups import NO_GROUP, PaneGroups
+from drcmitsuba.scene.like_panes import NO_GROUP
+from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_of_model import panes_of_model
 
 
@@ -33,9 +34,11 @@ class PanesInState:
     """Index of the state of every group."""
 
     @classmethod
-    def of(cls, case: Case, state: State, effects: EnabledEffects) -> PanesInState:
-        """Panes of a case in a state, see `case.groups`."""
-        groups = PaneGroups.of(case)
+    def of(
+        cls, case: Case, state: State, effects: EnabledEffects, groups: PaneGroups | None = None
+    ) -> PanesInState:
+        """Panes of a case in a state, see `case.groups`, by default of its own groups."""
+        groups = PaneGroups.of(case) if groups is None else groups
         return cls(case, effects, groups, groups.states.indices(state))
 
     def index_of(self, name: str) -> int:

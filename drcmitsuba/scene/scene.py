@@ -26,6 +26,7 @@ from drcmitsuba.scene.flat_panes import FlatPanes
 from drcmitsuba.scene.geometry import Port, Surface
 from drcmitsuba.scene.materials import ends_paths, film, lets_through, loaded
 from drcmitsuba.scene.meshes import quad_mesh
+from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.surfaces import Enclosure, bounds_of_rooms, geometry_of
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 
@@ -196,8 +197,9 @@ def _of_quads(parts: Sequence[Part], masks: Iterable[np.ndarray]) -> mi.Scene:
 
 
 def load(
-    case: Case, state: State = OPEN, channel: int = 0, effects: EnabledEffects = ALL_EFFECTS
-) -> Scene:
+    case: Case, state: State = OPEN, channel: int = 0, effects: EnabledEffects = ALL_EFFECTS,
+    groups: PaneGroups | None = None,
+) -> Scene:  # fmt: skip
     """Build the scene of a case.
 
     Parameters
@@ -208,6 +210,8 @@ def load(
         Colour channel, 0 to 2; −1 for luminance.
     effects : EnabledEffects
         Effects that are simulated.
+    groups : PaneGroups, optional
+        Groups whose state it is; by default those of the case.
 
     Returns
     -------
@@ -218,7 +222,7 @@ def load(
     InputError
         A component, a film or a piece of furniture is unfit.
     """
-    surfaces, enclosure, ports = geometry_of(case, state, effects)
+    surfaces, enclosure, ports = geometry_of(case, state, effects, groups)
     built = build(surfaces, channel, enclosure, ports)
     return replace(built, effects=effects, near=bounds_of_rooms(case), channel=channel)
 

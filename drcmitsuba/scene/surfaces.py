@@ -35,8 +35,9 @@ from drcmitsuba.scene.geometry import (
     side_of,
     wall,
 )
+from drcmitsuba.scene.like_panes import NO_GROUP
 from drcmitsuba.scene.materials import lets_through
-from drcmitsuba.scene.pane_groups import NO_GROUP
+from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_in_state import PanesInState
 from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.sun_visibility import reaches_in
@@ -107,26 +108,29 @@ def surfaces_of(
 
 
 def geometry_of(
-    case: Case, state: State, effects: EnabledEffects
+    case: Case, state: State, effects: EnabledEffects, groups: PaneGroups | None = None
 ) -> tuple[list[Surface], Enclosure | None, tuple[Port, ...]]:
-    """Surfaces, as `surfaces_of`; the enclosure of a room; the ports of enabled components."""
+    """Surfaces, as `surfaces_of`; the enclosure of a room; the ports of enabled components.
+
+    The state is one of `groups`, by default of those of the case.
+    """
     case = recentred(case)
     components, turn = place(case), rotation(case)
+    front = PanesInState.of(case, state, effects, groups)
     ports: tuple[Port, ...] = ()
     if effects.components:
         ports = tuple(replace(p, quad=p.quad @ turn.T) for c in components for p in c.ports)
-    surfaces = _surfaces(case, state, components, effects)
+    surfaces = _surfaces(front, components)
     if case.building.layers:
-        return surfaces, _enclosure_of_model(case, state, effects, surfaces), ports
-    return surfaces, _enclosure(case, state, components, effects), ports
+        return surfaces, _enclosure_of_model(front, surfaces), ports
+    return surfaces, _enclosure(front, components), ports
 
 
-def _surfaces(
-    case: Case, state: State, components: tuple[PlacedComponent, ...], effects: EnabledEffects
-) -> list[Surface]:
+def _surfaces(front: PanesInState, components: tuple[PlacedComponent, ...]) -> list[Surface]:
     """Surfaces of a case and of its placed components, in the world frame."""
     parts: list[tuple[str, SurfaceMaterial, list[np.ndarray]]] = []
-    turn, room, front = rotation(case), case.room, PanesInState.of(case, state, effects)
+    case, effects = front.case, front.effects
+    turn, room = rotation(case), case.room
     if room is not None:
         x, y, _ = np.diag(room.size)
         parts.append(("floor", Lambertian(room.floor), [quad(np.zeros(3), x, y)]))
@@ -187,15 +191,13 @@ def bounds_of_rooms(case: Case) -> np.ndarray | None:
     return None if bounds is None else bounds - rotation(case) @ origin(case)
 
 
-def _enclosure_of_model(
-    case: Case, state: State, effects: EnabledEffects, surfaces: list[Surface]
-) -> Enclosure | None:
+def _enclosure_of_model(front: PanesInState, surfaces: list[Surface]) -> Enclosure | None:
     """Enclosure with the rectangles around the panes that let straight light in, and the exits."""
+    case = front.case
     assert case.model is not None
     if case.model.leaks == "allow":
         return None
     layers, panes, turn = case.building.layers, panes_of_model(case.building), rotation(case)
-    front = PanesInState.of(case, state, effects)
     first = [int(np.argmax(layers[i].polygon == p)) for i, p in zip(panes.layer, panes.polygon,
              strict=True)]  # fmt: skip
     clear = [
@@ -221,17 +223,16 @@ def _enclosure_of_model(
         if lets_through(surface.material) and not isinstance(surface.material, PorousMaterial)
     ]
     exits = exits_of(np.concatenate([np.zeros((0, 4, 3)), *through]))
-    spares = effects.enclosed and exits is not None
+    spares = front.effects.enclosed and exits is not None
     return Enclosure(size, turn, openings, narrowest, spares, is_box=False, exits=exits)
 
 
-def _enclosure(
-    case: Case, state: State, components: tuple[PlacedComponent, ...], effects: EnabledEffects
-) -> Enclosure | None:
+def _enclosure(front: PanesInState, components: tuple[PlacedComponent, ...]) -> Enclosure | None:
     """Enclosure with a rectangle around the openings of each façade, and the ceiling's holes."""
+    case = front.case
     if case.room is None:
         return None
-    openings, narrowest, front = [], np.inf, PanesInState.of(case, state, effects)
+    openings, narrowest = [], np.inf
     for side, facade in case.facade.items():
         clear = [
             s
@@ -253,7 +254,7 @@ def _enclosure(
             openings.append(overhead(component.hole, case.room.size[2]))
     turn = rotation(case)
     quads = np.reshape(openings, (-1, 4, 3)) @ turn.T
-    return Enclosure(np.array(case.room.size), turn, quads, narrowest, effects.enclosed)
+    return Enclosure(np.array(case.room.size), turn, quads, narrowest, front.effects.enclosed)
 
 
 def _is_opening(material: SurfaceMaterial | None) -> bool:

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from drcmitsuba.annual import simulation
-from drcmitsuba.annual.group_coefficients import GroupCoefficients
+from drcmitsuba.annual.elements import elements
 from drcmitsuba.annual.run import Run
 from drcmitsuba.case.case import Case
 from drcmitsuba.metrics import accumulate
@@ -67,26 +67,25 @@ def main() -> None:
     light = daylight(room)
     run = Run.of(room, plan(room, light).scope)
     start = time.perf_counter()
-    year = GroupCoefficients.of(room, light, run)
-    basis = year.channels[0]
-    print(f"{GROUPS} groups x {STATES} states, {len(basis.positions)} sensors, "
+    year = elements(room)
+    by_element = year.channels[0]
+    print(f"{GROUPS} groups x {STATES} states, {len(by_element.positions)} sensors, "
           f"{light.sky.sizes['time']} hours: C in {time.perf_counter() - start:.0f} s, "
-          f"{basis.nbytes / 2**30:.1f} GiB")  # fmt: skip
+          f"{by_element.nbytes / 2**30:.1f} GiB")  # fmt: skip
     states = np.random.default_rng(1).integers(0, STATES, (light.sky.sizes["time"], GROUPS))
     start = time.perf_counter()
-    E = year.illuminance(states)
+    E = year.in_states(states)
     print(f"E of a year of random states: {time.perf_counter() - start:.1f} s")
     sunny = np.flatnonzero(light.sky["sun"].values > 0)
     for hour in sunny[np.linspace(0, len(sunny) - 1, HOURS_AGAIN + 2).astype(int)[1:-1]]:
         at = light.sky.isel(time=[hour])
-        state = basis.groups.label(states[hour])
+        state = year.groups.label(states[hour])
         again = replace(run, seed=run.seed + 1)
         C = simulation.transport(room, state, light.suns.only(sources(at)), 46.2, run=again)
         direct = accumulate.by_source(C, at)
         ours, theirs = E["total"].values[hour].mean(), direct["total"].values.mean()
         each = accumulate.replicates(C, at, np.arange(C.sizes["sensor"])).mean(axis=(1, 2))
-        mine = year.replicates(states)[:, hour].mean("sensor").values
-        error = np.hypot(*(x.std(ddof=1) / np.sqrt(len(x)) for x in (mine, each)))
+        error = np.hypot(E["total_se"].values[hour].mean(), each.std(ddof=1) / len(each) ** 0.5)
         print(f"{str(at['time'].values[0])[:16]}: {ours:.1f} lx, direct {theirs:.1f} lx, "
               f"{100 * (ours / theirs - 1):+.2f} ± {100 * error / theirs:.2f} %")  # fmt: skip
 

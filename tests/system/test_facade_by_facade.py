@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from drcmitsuba import evaluate, group_coefficients, load_case, standards
+from drcmitsuba import elements, evaluate, load_case, standards
 from drcmitsuba.case.schedule import HOURS
 from drcmitsuba.metrics import facade_states
 from drcmitsuba.rendering.frames import states_at
@@ -129,19 +129,18 @@ def test_a_schedule_sets_the_state_of_every_hour(run, tmp_path):
     share = E["total"].mean("sensor") / E["total_open"].mean("sensor")
     assert share[(expected == [2, 1]).all(axis=1)].max() < 0.4
     # The sum of the groups is the simulation of each state, within the errors.
-    year = group_coefficients(load_case(tmp_path / "case.toml"))
-    ours = year.illuminance(expected)
+    light = elements(load_case(tmp_path / "case.toml"))
+    ours = light.in_states(expected)
     mean = E["total"].mean().item()
     scatter = np.hypot(ours["total_se"], E["total_se"]).mean().item()
     assert ours["total"].mean().item() == pytest.approx(mean, rel=0.02)
     assert scatter < 0.08 * mean
     names = np.array([["open", "milk", "shade"][i] for i in expected[:, 0]])
     named = np.stack([names, np.where(expected[:, 1], "shade", "open")], axis=1)
-    xr.testing.assert_identical(year.illuminance(named), ours)
-    with pytest.raises(InputError, match="states: south: no state 'dark'"):
-        year.illuminance(np.full(named.shape, "dark"))
-    with pytest.raises(InputError, match="time stamps and groups"):
-        year.illuminance(expected[:, :1])
+    south, east = (xr.DataArray(of, {"time": E["time"]}, ("time",)) for of in named.T)
+    xr.testing.assert_allclose(light.illuminance({"south": south, "east": east}), ours)
+    with pytest.raises(InputError, match="time stamps and openings"):
+        light.in_states(expected[:, :1])
 
 
 def test_many_states_are_recombined(run, tmp_path, monkeypatch):

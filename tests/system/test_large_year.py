@@ -10,14 +10,14 @@ import xarray as xr
 
 import drcmitsuba
 from drcmitsuba import load_case
-from drcmitsuba.annual import group_coefficients, sensor_stream
+from drcmitsuba.annual import sensor_stream, summed_year
 from drcmitsuba.annual.large_result import LargeResult
 from drcmitsuba.annual.result import Result
 from drcmitsuba.annual.sensor_stream import aligned
 from drcmitsuba.metrics import facade_states
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky.daylight import daylight
-from drcmitsuba.transport import coefficients, group_basis, interior, replicate
+from drcmitsuba.transport import coefficients, elements, interior, replicate
 from drcmitsuba.transport.first_bounce import CellLight
 from tests.system.small_room import SHADING, changed, run
 
@@ -71,7 +71,7 @@ def test_one_block_has_the_same_numbers(tmp_path, changes, more):
 def sums_of_groups(monkeypatch):
     """Any second state of a façade makes its year a sum over groups, of 7 sensors at once."""
     monkeypatch.setattr(facade_states, "most_states", lambda groups: 1)
-    monkeypatch.setattr(group_coefficients, "ENTRIES", 7 * 31 * 13)
+    monkeypatch.setattr(summed_year, "ENTRIES", 7 * 31 * 13)
 
 
 def test_groups_of_panes_that_close_one_by_one(tmp_path):
@@ -93,7 +93,7 @@ def test_groups_of_panes_whose_year_is_a_sum(tmp_path, sums_of_groups):
 
 def test_a_sum_over_groups_goes_on_where_it_was_stopped(tmp_path, monkeypatch, sums_of_groups):
     case, blocks = case_of(tmp_path, ("[facade.south]", EAST)), tmp_path / "blocks"
-    summed, sum_up = [], group_basis.illuminance
+    summed, sum_up = [], elements.illuminance
 
     def stopped(*args, **kwargs):
         if len(summed) == 2:
@@ -101,14 +101,14 @@ def test_a_sum_over_groups_goes_on_where_it_was_stopped(tmp_path, monkeypatch, s
         summed.append(kwargs["sensors"])
         return sum_up(*args, **kwargs)
 
-    monkeypatch.setattr(group_basis, "illuminance", stopped)
+    monkeypatch.setattr(elements, "illuminance", stopped)
     with pytest.raises(KeyboardInterrupt):
         drcmitsuba.evaluate_within(case, memory=1, blocks=blocks)
     first, summed[:] = [*summed], [slice(0, 0)]
     large = drcmitsuba.evaluate_within(case, memory=1, blocks=blocks)
     assert len(first) + len(summed[1:]) == 3  # 25 sensors
     assert summed[1].start == first[-1].stop
-    monkeypatch.setattr(group_basis, "illuminance", sum_up)
+    monkeypatch.setattr(elements, "illuminance", sum_up)
     assert large.metrics["sDA"] == drcmitsuba.evaluate_within(case, memory=1).metrics["sDA"]
 
 

@@ -1,4 +1,4 @@
-"""States of the façade from a basis of groups against simulations of each state."""
+"""States of the façade from light by element against simulations of each state."""
 
 import numpy as np
 import pytest
@@ -9,10 +9,10 @@ from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.sensors import sensor_points
-from drcmitsuba.transport import coefficients, group_basis
+from drcmitsuba.transport import coefficients, elements
 from tests.model_rooms import l_room
 from tests.unit.transport.exact_scenes import CLOTH, SUNS
-from tests.unit.transport.test_group_basis import case
+from tests.unit.transport.test_light_by_element import case, in_state
 
 pytestmark = pytest.mark.slow
 FINE = {"replicates": 32, "paths": 1024, "cell_size": 0.2, "sensor_sky_rays": 4096,
@@ -25,13 +25,13 @@ def _variant():
 
 
 def both(one, states):
-    """Replicates of C of each state: by the basis, and by a simulation with other numbers."""
+    """Replicates of C of each state: by element, and by a simulation with other numbers."""
     accuracy = Accuracy(**FINE)
-    basis = group_basis.compute(one, SUNS, accuracy, ALL_EFFECTS)
+    light = elements.compute(one, PaneGroups.of(one), SUNS, accuracy, ALL_EFFECTS)
     again, sensors = Accuracy(**{**FINE, "seed": 5}), sensor_points(one)
     for state in states:
         direct = coefficients.compute(scenes.load(one, state), *sensors, SUNS, again)
-        yield basis.coefficients(state)["replicates"].values, direct["replicates"].values
+        yield in_state(light, state)["replicates"].values, direct["replicates"].values
 
 
 def test_a_room_with_two_façades(same):

@@ -32,7 +32,7 @@ def interval_of(
         Function of a DataArray (time, sensor) [lx], such as `metrics.cda`.
     replicates : DataArray (replicate, time, sensor)
         E of two or more independent replicates [lx], as `illuminance.replicates` and
-        `GroupCoefficients.replicates` give it.
+        `ChosenFacade.illuminance` give it.
     draws : int
         Number of draws, 40 to 600; each computes the metric once.
     seed : int

@@ -1,6 +1,6 @@
 """A year whose façade takes many states: how many, and the work of a sum over groups of panes.
 
-E is then a sum over every group in each of its states (`transport.group_basis`), where fewer states
+E is then a sum over every group in each of its states (`transport.elements`), where fewer states
 would be simulated one by one.
 """
 

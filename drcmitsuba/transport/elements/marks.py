@@ -1,8 +1,8 @@
-"""Marks of gather paths that meet panes whose state is left open: a `gather.Marks`.
+"""Marks of gather paths that meet openings whose fill is left open: a `gather.Marks`.
 
-An *element* is a group of panes in one of its states. At a pane one of the states of its group is
-drawn, and the element is stored in the path's mark. The throughput, which includes the inverse of
-the draw's probability, holds for every state of the façade that has all elements of the mark.
+An *element* is an opening with one of its fills. At an opening one of its fills is drawn, and the
+element is stored in the path's mark. The throughput, which includes the inverse of the draw's
+probability, times the product of the shares of the elements of the mark holds for every façade.
 """
 
 from __future__ import annotations
@@ -20,21 +20,20 @@ from drcmitsuba.scene.meshes import paired_mesh
 from drcmitsuba.scene.panes_in_state import GroupedPanes
 
 MEETINGS = 3
-"""Times that a path may meet grouped panes; light that meets them more often, some 10⁻⁵ of E, is
-lost."""
+"""Times that a path may meet openings; light that meets more of them, some 10⁻⁵ of E, is lost."""
 BITS = 10
 """Bits of a mark for each meeting."""
 MOST_ELEMENTS = (1 << BITS) - 1
 
 
-class GroupMarks:
-    """Marks of paths at grouped panes.
+class OpeningMarks:
+    """Marks of paths at openings.
 
     Parameters
     ----------
     panes : sequence of GroupedPanes
     first : np.ndarray of int, shape (group + 1,)
-        First element of every group, counted from 0, and their number.
+        First element of every opening, counted from 0, and their number.
     channel : int
         Colour channel, −1 for luminance.
     beyond : bool
@@ -54,12 +53,12 @@ class GroupMarks:
         self._count = flat_indices(np.diff(first)[group][piece])
         # One BSDF for each material; a hole lets everything pass.
         kinds: dict[SurfaceMaterial | None, int] = {}
-        states = int(np.diff(first).max())
-        table = np.zeros((len(panes), states), int)
+        fills = int(np.diff(first).max())
+        table = np.zeros((len(panes), fills), int)
         for i, each in enumerate(panes):
             for k, material in enumerate(each.materials):
                 table[i, k] = kinds.setdefault(material, len(kinds))
-        self._table, self._states = flat_indices(table.ravel()), states
+        self._table, self._fills = flat_indices(table.ravel()), fills
         self._piece = flat_indices(piece)
         hole = {"type": "null"}
         self._bsdfs = [mi.load_dict(hole if m is None else bsdf(m, channel)) for m in kinds]
@@ -70,14 +69,14 @@ class GroupMarks:
     def meet(
         self, si: mi.SurfaceInteraction3f, mark: mi.UInt32, number: mi.Float
     ) -> tuple[mi.BSDFPtr, mi.UInt32, mi.Float, mi.Bool, mi.Bool]:
-        """Draw the state of a pane; see `gather.Marks.meet`."""
+        """Draw the fill of an opening; see `gather.Marks.meet`."""
         mine = si.shape == self._panes
         quad = si.prim_index // 2
         count = dr.gather(mi.UInt32, self._count, quad, mine)
-        state = dr.minimum(mi.UInt32(number * mi.Float(count)), dr.maximum(count, 1) - 1)
+        fill = dr.minimum(mi.UInt32(number * mi.Float(count)), dr.maximum(count, 1) - 1)
         piece = dr.gather(mi.UInt32, self._piece, quad, mine)
-        kind = dr.gather(mi.UInt32, self._table, piece * self._states + state, mine)
-        element = dr.gather(mi.UInt32, self._first, quad, mine) + state + 1
+        kind = dr.gather(mi.UInt32, self._table, piece * self._fills + fill, mine)
+        element = dr.gather(mi.UInt32, self._first, quad, mine) + fill + 1
         chosen = si.bsdf()
         for i, each in enumerate(self._bsdfs):
             chosen = dr.select(mine & (kind == i), mi.BSDFPtr(each), chosen)

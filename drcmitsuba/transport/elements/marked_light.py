@@ -1,14 +1,14 @@
-"""Light by paths that met grouped panes, which counts where their marks agree with the state."""
+"""Light by paths that met openings, which counts with the shares of the fills that they met."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from drcmitsuba.runtime import lazy
-from drcmitsuba.transport.group_basis.marks import elements_of
+from drcmitsuba.transport.elements.marks import elements_of
+from drcmitsuba.transport.elements.weights import Year
 from drcmitsuba.transport.marked_paths import MarkedVertices, quick
 
 sparse = lazy.module("scipy.sparse")
@@ -39,15 +39,15 @@ class MarkedLight:
         each = (np.flatnonzero(replicate == r) for r in range(replicates))
         return [cls(sensor[at], marked.block[at], marked.weight[at], met[at], shape) for at in each]
 
-    def in_state(self, chosen: np.ndarray) -> np.ndarray:
-        """G_m of the sensors from the blocks (sensor, block), with the elements `chosen`."""
-        agrees = np.all(np.isin(self.met, chosen) | (self.met < 0), axis=1)
-        place = self.sensor[agrees], self.block[agrees]
-        return np.asarray(sparse.csr_matrix((self.weight[agrees], place), self.shape).toarray())
+    def weighed(self, shares: np.ndarray) -> np.ndarray:
+        """G_m of the sensors from the blocks (sensor, block), with shares (element,)."""
+        factor = np.append(shares, np.float32(1))[self.met].prod(axis=1)
+        here = np.flatnonzero(factor)
+        place = self.sensor[here], self.block[here]
+        values = self.weight[here] * factor[here]
+        return np.asarray(sparse.csr_matrix((values, place), self.shape).toarray())
 
-    def add(
-        self, E: np.ndarray, D: np.ndarray, hours: Mapping[int, np.ndarray], chosen: np.ndarray
-    ) -> None:
+    def add(self, E: np.ndarray, D: np.ndarray, year: Year) -> None:
         """Add the light of a year to E.
 
         Parameters
@@ -56,26 +56,22 @@ class MarkedLight:
             Illuminance that grows [lx].
         D : np.ndarray, shape (time, block)
             Mean illuminance of the blocks before any diffuse reflection [lx].
-        hours : mapping of int to np.ndarray of int
-            Time stamps at which each element is chosen.
-        chosen : np.ndarray of int, shape (time, group)
-            Elements of every time stamp.
+        year : Year
         """
-        for element, at in hours.items():
+        for element, at in year.hours.items():
             here = self.met[:, 0] == element  # no path has the mark of `BESIDES`
-            if not here.any():
+            if element < 0 or not here.any():
                 continue
+            lit = year.share(element) * D[at]
             once = here & (self.met[:, 1] < 0)
             place = self.sensor[once], self.block[once]
             G = quick(sparse.csr_matrix((self.weight[once], place), self.shape))
-            E[at] += (G @ D[at].T).T
+            E[at] += (G @ lit.T).T
             more = np.flatnonzero(here & (self.met[:, 1] >= 0))
             if not len(more):
                 continue
-            agrees = np.ones((len(at), len(more)), bool)
+            by_vertex = lit[:, self.block[more]] * self.weight[more]
             for others in self.met[more, 1:].T:
-                taken = (chosen[at][:, :, None] == others).any(axis=1)
-                agrees &= taken | (others < 0)
-            share = agrees * D[np.ix_(at, self.block[more])] * self.weight[more]
+                by_vertex *= np.where(others < 0, 1, year.shares[np.ix_(at, others)])
             entries = np.ones(len(more), np.float32), (self.sensor[more], np.arange(len(more)))
-            E[at] += (sparse.csr_matrix(entries, (self.shape[0], len(more))) @ share.T).T
+            E[at] += (sparse.csr_matrix(entries, (self.shape[0], len(more))) @ by_vertex.T).T

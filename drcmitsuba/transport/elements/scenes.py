@@ -1,4 +1,4 @@
-"""Scenes in which one element, a group of panes in one state, lets light in, and their deposits."""
+"""Scenes in which one element, an opening with one fill, lets light in, and their deposits."""
 
 from __future__ import annotations
 
@@ -10,68 +10,76 @@ from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.groups import BLOCKED, GroupStates
+from drcmitsuba.case.groups import BLOCKED
 from drcmitsuba.model.materials import DiffuserMaterial, SurfaceMaterial
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import normals as unit_normals
+from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_in_state import GroupedPanes
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.diffusing_panes import PanePatches
+from drcmitsuba.transport.elements.weights import BESIDES
 from drcmitsuba.transport.films import Films
-from drcmitsuba.transport.group_basis.year import BESIDES
+from drcmitsuba.transport.image_suns import ImageSuns
 from drcmitsuba.transport.photons import PhotonTracer
+from drcmitsuba.transport.sun_lobes import SunLobes
 
 
 @dataclass(frozen=True)
 class Element:
-    """Group of panes in one state, with all others blocked, or the light `BESIDES`."""
+    """Opening with one fill, all others blocked, or the light `BESIDES`."""
 
     number: int
-    """Number among the states of all groups, group by group, or `BESIDES`."""
+    """Number among the fills of all openings, opening by opening, or `BESIDES`."""
     bins: np.ndarray
-    """Bins of its light among the labels of the basis, int, shape (own bin,)."""
+    """Bins of its light among all labels, int, shape (own bin,)."""
     deposit: Deposit
     """Deposit of ground, sky and the suns that shine on it."""
+    sun_samples: int
+    """Directions from a sensor to every sun; 0 where suns do not shine straight."""
     photons: PhotonTracer | None
     """Photons, where components deviate its light."""
 
 
 def elements_of_case(
-    case: Case, panes: Sequence[GroupedPanes], groups: GroupStates, suns: Suns,
+    case: Case, openings: PaneGroups, panes: Sequence[GroupedPanes], suns: Suns,
     points: np.ndarray, normals: np.ndarray, accuracy: Accuracy, effects: EnabledEffects,
     channel: int, wanted: Mapping[int, np.ndarray] | None = None,
 ) -> list[Element]:  # fmt: skip
-    """Elements of a case, the light that passes no grouped pane first.
+    """Elements of a case, the light that passes no opening first.
 
     Parameters
     ----------
-    case, panes, groups, suns, points, normals, accuracy, effects, channel
-        As for `GroupTrace.of`.
+    panes : sequence of GroupedPanes
+        Panes of the openings.
+    case, openings, suns, points, normals, accuracy, effects, channel
+        As for `ElementTrace.of`.
     wanted : mapping of int to np.ndarray of bool, shape (sun,), optional
         Suns of each element that is asked for; by default all suns of all elements.
 
     Raises
     ------
     InputError
-        A pane without a group has the material of a state.
+        A pane outside of an opening has the material of one of its fills.
     """
-    subdivision = case.sky.subdivision
+    subdivision, groups = case.sky.subdivision, openings.states
     sky_bins, shining = len(Patches(subdivision)), effects.enabled_suns(suns)
     radius, elements = np.sin(np.radians(suns.diameter) / 2), []
-    states = [(g, s) for g, of in enumerate(groups.states) for s in range(len(of))]
-    for number, (group, state) in [(BESIDES, (-1, BLOCKED)), *enumerate(states)]:
-        mask, mine = shining, [each for each in panes if each.group == group]
+    fills = [(g, s) for g, of in enumerate(groups.states) for s in range(len(of))]
+    for number, (opening, fill) in [(BESIDES, (-1, BLOCKED)), *enumerate(fills)]:
+        mask, mine = shining, [each for each in panes if each.group == opening]
         if number != BESIDES:
             if wanted is not None and number not in wanted:
                 continue
+            mask = shining if wanted is None else shining & wanted[number]
+        indices = [fill if g == opening else BLOCKED for g in range(len(groups))]
+        world = scene.load(case, groups.label(indices), channel, effects, openings)
+        if number != BESIDES and not _mirrors_suns(world):
             outward = -unit_normals(np.concatenate([each.quads for each in mine]))
-            mask = shining & ((suns.directions @ outward.T) > -radius).any(axis=1)
-            mask = mask if wanted is None else mask & wanted[number]
-        indices = [state if g == group else BLOCKED for g in range(len(groups))]
-        world = scene.load(case, groups.label(indices), channel, effects)
+            mask = mask & ((suns.directions @ outward.T) > -radius).any(axis=1)
         materials = {material for each in mine for material in each.materials}
         count = sum(len(each.quads) for each in mine)
         parts = tuple(_from_outside(case, part, materials, count) for part in world.parts)
@@ -80,8 +88,14 @@ def elements_of_case(
         photons = PhotonTracer.of(
             light.scene, points, normals, light.suns, suns.diameter, subdivision, accuracy
         )
-        elements.append(Element(number, bins, light, photons))
+        samples = accuracy.sensor_sun_samples if suns.straight else 0
+        elements.append(Element(number, bins, light, samples, photons))
     return elements
+
+
+def _mirrors_suns(world: scene.Scene) -> bool:
+    """Whether a sun behind an opening may reach it by way of mirrors or components."""
+    return bool(world.ports or SunLobes.of(world)) or ImageSuns.of(world) is not None
 
 
 def _deposit(world: scene.Scene, suns: Suns, subdivision: int, accuracy: Accuracy) -> Deposit:
@@ -97,11 +111,11 @@ def _from_outside(
 ) -> scene.Part:
     """Pane that reflects nothing into the room: the paths count what it reflects.
 
-    A group has `count` quads: a part with more of them holds other panes of the same material.
+    An opening has `count` quads: a part with more of them holds other panes of the same material.
     """
     if isinstance(part.material, DiffuserMaterial) and part.material in materials:
         if len(part.quads) > count:
-            got = f"a pane without a group has the material of a state, {part.name}"
+            got = f"a pane outside of the openings has the material of a fill, {part.name}"
             remedy = "join it to a group, or give it another transmittance"
             raise InputError(case.source, "groups", got, remedy)
         return replace(part, material=part.material.model_copy(update={"reflectance": 0.0}))

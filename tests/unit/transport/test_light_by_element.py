@@ -1,4 +1,4 @@
-"""A basis of groups of panes against simulations of single states of the façade."""
+"""Light by element against simulations of single façades."""
 
 import numpy as np
 import pytest
@@ -10,8 +10,9 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
+from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.sensors import sensor_points
-from drcmitsuba.transport import coefficients, group_basis
+from drcmitsuba.transport import coefficients, elements
 from tests.unit.transport.exact_scenes import CLOTH, GLASS, OPAL, OPPOSITE, SUNS
 
 ROOM = {
@@ -40,8 +41,13 @@ def case(**tables):
     return Case.model_validate({**ROOM, "accuracy": ACCURACY, **tables})
 
 
-def basis_of(case):
-    return group_basis.compute(case, SUNS, case.accuracy, ALL_EFFECTS)
+def light_of(case):
+    return elements.compute(case, PaneGroups.of(case), SUNS, case.accuracy, ALL_EFFECTS)
+
+
+def in_state(light, state):
+    """Coefficients of a state of the façade."""
+    return light.coefficients(light.shares(light.openings.indices(state)))
 
 
 def direct(case, state):
@@ -56,42 +62,42 @@ def direct(case, state):
 def with_house():
     backend.select("llvm_ad_mono" if backend.llvm_version() else None)
     one = case(furniture=[OPPOSITE])
-    return one, basis_of(one)
+    return one, light_of(one)
 
 
 @pytest.mark.parametrize("state", ["open", "cloth/open/open", "opal/cloth/open", "open/cloth/open"])
 def test_any_state_has_its_coefficients(with_house, same, state):
     """Glass mirrors, cloth and milk glass throw light back, and a house stands opposite."""
-    one, basis = with_house
-    ours = basis.coefficients(state)["replicates"].values
+    one, light = with_house
+    ours = in_state(light, state)["replicates"].values
     same(ours, other=direct(one, state), within=0.01)
 
 
 def test_a_year_is_the_sum_of_its_hours(with_house):
     """E hour by hour is C of the hour's state times L: two ways through the same paths."""
-    _, basis = with_house
+    _, light = with_house
     rng = np.random.default_rng(4)
     indices = rng.integers(0, [3, 2, 1], (30, 3))
-    L = csr_matrix(rng.random((30, len(basis.labels))).astype(np.float32))
-    expected = np.empty((basis.replicates, 30, len(basis.positions)))
+    L = csr_matrix(rng.random((30, len(light.labels))).astype(np.float32))
+    expected = np.empty((light.replicates, 30, len(light.positions)))
     for t, of_groups in enumerate(indices):
-        C = basis.coefficients(basis.groups.label(of_groups))["replicates"].values
+        C = light.coefficients(light.shares(of_groups))["replicates"].values
         expected[:, t] = C @ L[[t]].toarray()[0]
-    for r, E in enumerate(basis.illuminance(L, indices)):
+    for r, E in enumerate(light.illuminance(L, light.shares(indices))):
         np.testing.assert_allclose(E, expected[r], rtol=2e-5)
 
 
-def test_a_year_without_a_basis_has_the_same_paths(with_house):
+def test_a_year_without_coefficients_has_the_same_paths(with_house):
     """Light that is summed before it is gathered, for the suns that each state needs."""
-    one, basis = with_house
+    one, light = with_house
     rng = np.random.default_rng(4)
     indices = rng.integers(0, [3, 2, 1], (20, 3))
     indices[:, 1] = 0  # the cloth of the east is never asked for
-    L = rng.random((20, len(basis.labels))).astype(np.float32)
-    L[:, basis.sky_bins :] *= rng.random((20, len(SUNS.labels))) < 0.3
-    year = group_basis.Year.of(csr_matrix(L), basis.chosen(indices), basis.sky_bins)
-    expected = basis.illuminance(csr_matrix(L), indices)
-    ours = group_basis.illuminance(one, SUNS, one.accuracy, ALL_EFFECTS, year)
+    L = rng.random((20, len(light.labels))).astype(np.float32)
+    L[:, light.sky_bins :] *= rng.random((20, len(SUNS.labels))) < 0.3
+    year = elements.Year.of(csr_matrix(L), light.shares(indices), light.sky_bins)
+    expected = light.illuminance(csr_matrix(L), light.shares(indices))
+    ours = elements.illuminance(one, PaneGroups.of(one), SUNS, one.accuracy, ALL_EFFECTS, year)
     for E, other in zip(ours, expected, strict=True):
         np.testing.assert_allclose(E, other, rtol=2e-5)
 
@@ -101,14 +107,14 @@ def test_black_rooms_have_straight_light_only(same):
     black = {"size": [3.0, 4.0, 3.0], "floor": 0.0, "walls": 0.0, "ceiling": 0.0}
     clear = {"type": "glazing", "transmittance": 0.65}
     one = case(room=black, materials={"glass": clear, "opal": clear, "cloth": clear})
-    basis = basis_of(one)
+    light = light_of(one)
     whole = coefficients.compute(scenes.load(one), *sensor_points(one), SUNS, one.accuracy)[
         "replicates"
     ].values
-    ours = basis.coefficients("open")["replicates"].values
+    ours = in_state(light, "open")["replicates"].values
     np.testing.assert_allclose(ours[..., :146], whole[..., :146], rtol=1e-5, atol=1e-9)
     same(ours[..., 146:], other=whole[..., 146:], within=0.02)
-    assert len(basis.marked.row) == 0
+    assert len(light.marked.row) == 0
 
 
 def test_blocked_groups_let_nothing_in():
@@ -116,17 +122,19 @@ def test_blocked_groups_let_nothing_in():
     blocked = scenes.load(one, "(blocked)/(blocked)/(blocked)")
     C = coefficients.compute(blocked, *sensor_points(one), SUNS, one.accuracy)
     assert not C["replicates"].values.any()
-    basis = basis_of(one)
-    assert not basis.besides.total.any()
-    assert not basis.besides.blocks.any()
+    light = light_of(one)
+    assert not light.besides.total.any()
+    assert not light.besides.blocks.any()
 
 
-def test_a_basis_needs_groups():
+def test_light_by_element_needs_openings():
     with pytest.raises(InputError, match="groups: there is none"):
-        basis_of(case(groups={}))
+        light_of(case(groups={}))
 
 
-def test_a_basis_beyond_memory_is_refused(monkeypatch):
-    monkeypatch.setattr("drcmitsuba.transport.group_basis.simulate.MOST_BYTES", 1 << 20)
-    with pytest.raises(InputError, match="groups: 0 GiB of coefficients by group and state"):
-        basis_of(case())
+def test_more_elements_than_memory_holds_are_refused(monkeypatch):
+    monkeypatch.setattr("drcmitsuba.transport.elements.simulate.MOST_BYTES", 10 << 20)
+    with pytest.raises(
+        InputError, match="elements: 0.017 GiB for 6 openings with one fill each; 3 of them fit"
+    ):
+        light_of(case())

@@ -1,4 +1,4 @@
-"""A year of states: which elements every time stamp has, and the sums of their light."""
+"""Weights of elements: shares that fills take of their openings, and the luminances of the sky."""
 
 from __future__ import annotations
 
@@ -14,39 +14,62 @@ if TYPE_CHECKING:
 HOURS = 64
 """Number of time stamps whose light is summed at once."""
 BESIDES = -1
-"""In place of an element: light that passes no grouped pane."""
+"""In place of an element: light that passes no opening."""
+
+
+def chosen(first: np.ndarray, indices: np.ndarray, elements: int) -> np.ndarray:
+    """Shares of openings that one fill takes whole, (…, element), 0 or 1.
+
+    Parameters
+    ----------
+    first : np.ndarray of int, shape (opening,)
+        First element of every opening.
+    indices : np.ndarray of int, shape (…, opening)
+        Fill of every opening, an index.
+    elements : int
+        Number of elements.
+    """
+    shares = np.zeros((*indices.shape[:-1], elements), np.float32)
+    np.put_along_axis(shares, first + indices, 1, axis=-1)
+    return shares
 
 
 @dataclass(frozen=True, eq=False)
 class Year:
-    """Luminances and elements of every time stamp."""
+    """Luminances and shares of elements at every time stamp."""
 
     sky: np.ndarray
     """Luminances of ground and sky patches [cd/m²], shape (time, sky bin)."""
     suns: csr_matrix
     """Luminances of the suns [cd/m²], shape (time, sun)."""
-    chosen: np.ndarray
-    """Element of every group at every time stamp, int, shape (time, group)."""
+    shares: np.ndarray
+    """Share of its opening that every element takes [–], shape (time, element)."""
 
     @classmethod
-    def of(cls, L: csr_matrix, chosen: np.ndarray, sky_bins: int) -> Year:
+    def of(cls, L: csr_matrix, shares: np.ndarray, sky_bins: int) -> Year:
         """Year of the luminances L (time, bin) [cd/m²], of which `sky_bins` come first."""
-        return cls(L[:, :sky_bins].toarray(), L[:, sky_bins:].tocsr(), chosen)
+        return cls(L[:, :sky_bins].toarray(), L[:, sky_bins:].tocsr(), shares)
 
     @cached_property
     def hours(self) -> dict[int, np.ndarray]:
-        """Time stamps of every element that occurs, `BESIDES` first, int, shape (hour,)."""
-        elements = np.unique(self.chosen).tolist()
-        some = {e: np.flatnonzero((self.chosen == e).any(axis=1)) for e in elements}
-        return {BESIDES: np.arange(len(self.chosen)), **some}
+        """Time stamps of every element that has a share, `BESIDES` first, int, shape (hour,)."""
+        some = np.flatnonzero(self.shares.any(axis=0)).tolist()
+        of_elements = {e: np.flatnonzero(self.shares[:, e]) for e in some}
+        return {BESIDES: np.arange(len(self.shares)), **of_elements}
+
+    def share(self, element: int) -> np.ndarray:
+        """Shares of an element at its `hours`, 1 of `BESIDES`, shape (hour, 1)."""
+        at = self.hours[element]
+        whole = np.ones(len(at), np.float32)
+        return (whole if element == BESIDES else self.shares[at, element])[:, None]
 
     def suns_of(self, element: int) -> np.ndarray:
-        """Whether each sun shines while an element is chosen, bool, shape (sun,)."""
+        """Whether each sun shines while an element has a share, bool, shape (sun,)."""
         return np.asarray(self.suns[self.hours[element]].getnnz(axis=0) > 0)
 
     def dark(self, receivers: int) -> np.ndarray:
         """Illuminance of receivers to which light is added, 0 lx, shape (time, receiver)."""
-        return np.zeros((len(self.chosen), receivers), np.float32)
+        return np.zeros((len(self.shares), receivers), np.float32)
 
     def add(self, E: np.ndarray, element: int, bins: np.ndarray, C: np.ndarray) -> None:
         """Add the light of an element to E (time, receiver) [lx].
@@ -68,13 +91,13 @@ class Year:
         """Add the light of ground and sky by an element, C (sky bin, receiver) [sr]."""
         at, lit = self.hours[element], np.flatnonzero(C.any(axis=1))
         if len(lit):
-            E[at] += self.sky[np.ix_(at, lit)] @ C[lit]
+            E[at] += (self.share(element) * self.sky[np.ix_(at, lit)]) @ C[lit]
 
     def add_suns(self, E: np.ndarray, element: int, bins: np.ndarray, C: np.ndarray) -> None:
         """Add the light of the suns among the `bins` of an element, C (own sun, receiver) [sr]."""
-        patches, at = self.sky.shape[1], self.hours[element]
+        patches, at, share = self.sky.shape[1], self.hours[element], self.share(element)
         suns = self.suns[at][:, bins[patches:] - patches]
         shines = np.flatnonzero(np.diff(suns.indptr))
         for start in range(0, len(shines), HOURS):  # so many that their sums stay in the cache
             here = shines[start : start + HOURS]
-            E[at[here]] += suns[here] @ C
+            E[at[here]] += share[here] * (suns[here] @ C)

@@ -1,10 +1,10 @@
-r"""Illuminance of a year of states, of which no coefficients by group and state are kept.
+r"""Illuminance of a year of known shares of fills, of which no coefficients by element are kept.
 
-.. math:: E = \sum_e L_e S_e + (G_0 + G_m) \sum_e L_e D_e
+.. math:: E = \sum_e w_e L S_e + (G_0 + G_m) \sum_e w_e L D_e
 
-with the luminances :math:`L_e` of the time stamps that have the element e. The light of the suns is
-summed over bins before it is gathered, which takes one product by G₀ instead of one for each
-element, and only suns that shine while an element is chosen are traced for it.
+with the luminances L of every time stamp and the share w that the element e has then. The light of
+the suns is summed over bins before it is gathered, which takes one product by G₀ instead of one for
+each element, and only suns that shine while an element has a share are traced for it.
 """
 
 from __future__ import annotations
@@ -22,10 +22,12 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.scene.enabled_effects import EnabledEffects
+from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.group_basis.marked_light import MarkedLight
-from drcmitsuba.transport.group_basis.trace import GroupTrace
-from drcmitsuba.transport.group_basis.year import BESIDES, HOURS, Year
+from drcmitsuba.transport.elements.marked_light import MarkedLight
+from drcmitsuba.transport.elements.scenes import Element
+from drcmitsuba.transport.elements.trace import Deposited, ElementTrace
+from drcmitsuba.transport.elements.weights import BESIDES, HOURS, Year
 from drcmitsuba.transport.marked_paths import MarkedPaths
 
 if TYPE_CHECKING:
@@ -35,17 +37,18 @@ THREADS = 2
 
 
 def illuminance(
-    case: Case, suns: Suns, accuracy: Accuracy, effects: EnabledEffects, year: Year, *,
-    channel: int = -1, sensors: slice = slice(None), progress: Progress = lambda share: None,
+    case: Case, openings: PaneGroups, suns: Suns, accuracy: Accuracy, effects: EnabledEffects,
+    year: Year, *, channel: int = -1, sensors: slice = slice(None),
+    progress: Progress = lambda share: None,
 ) -> Iterator[np.ndarray]:  # fmt: skip
     """Yield the illuminance of a year by each replicate.
 
     Parameters
     ----------
-    case, suns, accuracy, effects, channel, sensors
-        As for `GroupTrace.of`.
+    case, openings, suns, accuracy, effects, channel, sensors
+        As for `ElementTrace.of`.
     year : Year
-        Luminances of the bins, ground and sky before `suns`, and elements of every time stamp.
+        Luminances of the bins, ground and sky before `suns`, and shares of every time stamp.
     progress : callable
         Takes the share of the work that is done.
 
@@ -57,11 +60,11 @@ def illuminance(
     Raises
     ------
     InputError
-        The case has no groups, or states that no sum can hold.
+        The case has no openings, or fills that no sum can hold.
     """
     wanted = {e: year.suns_of(e) for e in year.hours if e != BESIDES}
-    trace = GroupTrace.of(
-        case, suns, accuracy, effects, channel=channel, wanted=wanted, sensors=sensors
+    trace = ElementTrace.of(
+        case, openings, suns, accuracy, effects, channel=channel, wanted=wanted, sensors=sensors
     )
     paths, shape = trace.paths, (len(trace.points), trace.paths.blocks)
     marked = MarkedLight.by_replicate(paths.marked(), accuracy.replicates, shape)
@@ -70,11 +73,12 @@ def illuminance(
         before: list[Future[np.ndarray]] = []
         for r, returned in enumerate(marked):
             total, job = _Sums.of(year, paths, paths.matrix(r), returned), None
-            for i, light in enumerate(trace.light(r), 1):
+            for i, (element, light) in enumerate(_lit(trace, r), 1):
                 sky, by_sun = light.cells.sky.numpy(), _by_bin(light.cells.sun)
                 if job is not None:
                     job.result()  # the light of one element waits at most
-                job = thread.submit(total.add, light.number, light.bins, light.sensors, sky, by_sun)
+                number, sensors_lit = element.number, light.direct[0]
+                job = thread.submit(total.add, number, element.bins, sensors_lit, sky, by_sun)
                 progress((r + i / (len(trace.elements) + 1)) / accuracy.replicates)
             dr.flush_malloc_cache()
             before.append(thread.submit(total.gathered))
@@ -83,6 +87,16 @@ def illuminance(
         for last in before:
             yield last.result()
     progress(1)
+
+
+def _lit(trace: ElementTrace, replicate: int) -> Iterator[tuple[Element, Deposited]]:
+    """Yield the light of every element in a replicate; what passes no opening first, if any."""
+    here = range(replicate, replicate + 1)
+    besides = trace.beside(here)
+    if besides is not None:
+        yield trace.besides, besides
+    for element in trace.elements:
+        yield element, trace.deposited(element, here, besides)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +151,7 @@ class _Sums:
         """Add what paths gather of the suns' light on cells: E (time, sensor) [lx]."""
         _gather(self.E, self.G, self.by_suns)
         D = self.by_sky + (self.means @ self.by_suns.T).T
-        self.returned.add(self.E, D, self.year.hours, self.year.chosen)
+        self.returned.add(self.E, D, self.year)
         return self.E
 
 

@@ -1,0 +1,162 @@
+"""A choice of fills for the openings of a case, and the groups that move beside it.
+
+A choice maps an opening to a fill, to shares of fills that add up to one, or to either by the hour.
+Openings that it does not name stay as in the case: by the rule of the shade, or by their schedules.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from drcmitsuba.case.groups import OPEN
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import choose, shortened
+
+Choice = Mapping[str, str | Mapping[str, float] | xr.DataArray]
+"""Fill by opening: its name, shares by name, or a DataArray over `time`, with a dim `fill` where it
+holds shares instead of names."""
+WHOLE = 1e-6
+"""Largest difference from 1 that shares of an opening may add up to."""
+MOST_MIXTURES = 200
+"""Largest number of different shares that an opening takes in a year."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mixtures:
+    """Shares of the fills of an opening by the hour."""
+
+    shares: np.ndarray
+    """Different shares that occur, those of the first fill alone first, (mixture, fill)."""
+    index: np.ndarray
+    """Mixture of every time stamp, int, shape (time,)."""
+    names: tuple[str, ...]
+    """Names of the mixtures, "open" first."""
+
+    @classmethod
+    def of(cls, opening: str, fills: tuple[str, ...], shares: np.ndarray) -> Mixtures:
+        """Tell the shares (time, fill) of an opening apart."""
+        first = np.eye(1, len(fills), dtype=np.float32)
+        rows, index = np.unique(np.concatenate([first, shares]), axis=0, return_inverse=True)
+        if len(rows) > MOST_MIXTURES:
+            got = f"{len(rows)} different shares of its fills in a year"
+            remedy = f"round them: at most {MOST_MIXTURES} are told apart"
+            raise InputError("choice", opening, got, remedy)
+        order = np.append(index[0], np.setdiff1d(np.arange(len(rows)), index[0]))
+        place = np.argsort(order)
+        return cls(rows[order], place[index[1:]], (OPEN, *_named(rows[order[1:]], fills)))
+
+
+def _named(mixtures: np.ndarray, fills: tuple[str, ...]) -> list[str]:
+    """Names of shares (mixture, fill), each once and without slashes."""
+    names: list[str] = []
+    for i, row in enumerate(mixtures, 1):
+        some = np.flatnonzero(row)
+        whole = row[some[0]] == 1
+        parts = (f"{row[k]:.2g} {fills[k]}" for k in some)
+        name = (fills[some[0]] if whole else " + ".join(parts)).replace("/", "-")
+        names.append(f"{name} {i}" if name in (OPEN, *names) else name)
+    return names
+
+
+@dataclass(frozen=True, eq=False)
+class ChosenFills:
+    """Fills that a choice gives to openings."""
+
+    constant: Mapping[int, np.ndarray]
+    """Shares (fill,) of openings, by their index."""
+    hourly: Mapping[int, Mixtures]
+    """Shares by the hour, likewise."""
+
+    @classmethod
+    def of(
+        cls, fills_of: Mapping[str, tuple[str, ...]], choice: Choice, time: np.ndarray
+    ) -> ChosenFills:
+        """Check a choice for time stamps; `fills_of` names the fills of every opening.
+
+        Raises
+        ------
+        InputError
+            An opening or a fill is unknown, shares do not add up to one, or a time stamp is
+            missing.
+        """
+        constant, hourly, names = {}, {}, [*fills_of]
+        for opening, given in choice.items():
+            if opening not in fills_of:
+                got = f"no opening {shortened(str(opening))}"
+                raise InputError("choice", "opening", got, choose(str(opening), names))
+            g, fills = names.index(opening), fills_of[opening]
+            if isinstance(given, xr.DataArray):
+                hourly[g] = Mixtures.of(opening, fills, _by_hour(opening, fills, given, time))
+            else:
+                shares = {given: 1.0} if isinstance(given, str) else given
+                constant[g] = _row(opening, fills, shares)
+        return cls(constant, hourly)
+
+    @property
+    def named(self) -> set[int]:
+        """Openings that the choice names."""
+        return {*self.constant, *self.hourly}
+
+
+def _row(opening: str, fills: tuple[str, ...], shares: Mapping[str, float]) -> np.ndarray:
+    """Shares (fill,) from shares by name."""
+    if not isinstance(shares, Mapping):
+        got, remedy = type(shares).__name__, "give a fill, shares by fill, or a DataArray over time"
+        raise InputError("choice", opening, got, remedy)
+    row = np.zeros(len(fills), np.float32)
+    for name, share in shares.items():
+        row[_index(opening, fills, name)] += share
+    return _checked(opening, row[None])[0]
+
+
+def _by_hour(
+    opening: str, fills: tuple[str, ...], given: xr.DataArray, time: np.ndarray
+) -> np.ndarray:
+    """Shares (time, fill) from an array over `time`."""
+    if "time" not in given.dims or not set(given.dims) <= {"time", "fill"}:
+        got = f"an array with dims {', '.join(map(str, given.dims)) or 'of none'}"
+        raise InputError("choice", opening, got, "give the dim time, and fill for shares")
+    known = given["time"].values if "time" in given.coords else time[: given.sizes["time"]]
+    at = np.minimum(np.searchsorted(known, time), len(known) - 1)
+    if len(known) != given.sizes["time"] or (known[at] != time).any():
+        missing = np.datetime_as_string(time[np.argmax(known[at] != time)], unit="m")
+        got, remedy = f"no fill at {missing}", "name one for every time stamp"
+        raise InputError("choice", opening, got, remedy)
+    values = given.transpose("time", ...).values[at]
+    out = np.zeros((len(time), len(fills)), np.float32)
+    if "fill" not in given.dims:
+        for name in np.unique(values):
+            out[values == name, _index(opening, fills, name)] = 1
+        return out
+    names = given["fill"].values if "fill" in given.coords else range(given.sizes["fill"])
+    for column, name in zip(values.T, names, strict=True):
+        out[:, _index(opening, fills, name)] += column
+    return _checked(opening, out)
+
+
+def _index(opening: str, fills: tuple[str, ...], name: Any) -> int:
+    """Index of a fill by its name, or by its number; "open" stands for the first one."""
+    if isinstance(name, int | np.integer) and 0 <= name < len(fills):
+        return int(name)
+    if name == OPEN:
+        return 0
+    if str(name) not in fills:
+        got = f"no fill {shortened(str(name))} of {shortened(opening)}"
+        raise InputError("choice", opening, got, choose(str(name), fills))
+    return fills.index(str(name))
+
+
+def _checked(opening: str, shares: np.ndarray) -> np.ndarray:
+    """Shares (…, fill) that are no less than 0 and add up to 1."""
+    total = shares.sum(axis=1)
+    wrong = ~(abs(total - 1) <= WHOLE) | ~(shares >= 0).all(axis=1)
+    if wrong.any():
+        row = shares[int(np.argmax(wrong))]
+        got = f"shares {', '.join(f'{v:g}' for v in row)}, {row.sum():g} together"
+        raise InputError("choice", opening, got, "give shares from 0 that add up to 1")
+    return shares

@@ -1,0 +1,250 @@
+"""Light of a case by opening and fill, from which any façade is evaluated without a ray.
+
+case, fills ─ openings_of ─► openings with their fills
+     ─ elements.compute ───► light by element, channel by channel
+choice ─ ChosenFills ──────► shares that stay, groups that move
+     ─ simulated_year ─────► C and E of the states that the groups take
+     ─ evaluate_metrics ───► Result
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from drcmitsuba.annual.choice import Choice, ChosenFills
+from drcmitsuba.annual.chosen_facade import ChosenFacade
+from drcmitsuba.annual.result import Result, summed_up
+from drcmitsuba.annual.run import Run
+from drcmitsuba.annual.simulated_year import simulated_year
+from drcmitsuba.annual.summed_year import accuracy_of
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import GroupStates
+from drcmitsuba.case.reading import load_case
+from drcmitsuba.metrics.evaluate_metrics import evaluate_metrics
+from drcmitsuba.plan import Plan, notes, plan
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.progress import Stage, part, silent
+from drcmitsuba.runtime.threads import one_blas_thread
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.fills import Fills, drawn_in, effects_of, openings_of
+from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.sensors import sensor_coordinates
+from drcmitsuba.schema import describe, mean_and_error
+from drcmitsuba.sky.daylight import Daylight, daylight_and_year
+from drcmitsuba.transport import elements as by_element
+
+
+@dataclass(frozen=True, repr=False)
+class Elements:
+    """Light of a case by element, an opening with one fill; shows itself in Jupyter."""
+
+    case: Case
+    daylight: Daylight
+    planned: Plan
+    run: Run
+    panes: PaneGroups
+    """Openings of the case with all of their fills."""
+    channels: tuple[by_element.LightByElement, ...]
+    """Light of every colour channel; one of a grey case."""
+
+    @property
+    def groups(self) -> GroupStates:
+        """Openings and their fills as groups of panes and states, as controls know them."""
+        return self.panes.states
+
+    @property
+    def openings(self) -> tuple[str, ...]:
+        """Names of the openings."""
+        return self.groups.names
+
+    @property
+    def fills(self) -> dict[str, tuple[str, ...]]:
+        """Names of the fills by opening; the first one is what the case draws there."""
+        drawn, states = drawn_in(self.case, self.panes), self.groups.states
+        every = zip(self.openings, drawn, states, strict=True)
+        return {opening: (first, *further) for opening, first, (_, *further) in every}
+
+    def evaluate(self, choice: Choice | None = None) -> Result:
+        """Evaluate a façade: E, metrics and their intervals, without tracing anything.
+
+        Parameters
+        ----------
+        choice : mapping, optional
+            Fill by opening: the name of a fill, shares of fills by name that add up to 1, or
+            either by the hour, a DataArray over `time` of names, or over `time` and `fill` of
+            shares. Openings that are not named stay as in the case: groups close by the rule of
+            the shade or by their schedules.
+
+        Returns
+        -------
+        Result
+            As from `drcmitsuba.evaluate`. `total_open` has the groups that close, and openings
+            with fills by the hour, in their first state.
+
+        Raises
+        ------
+        InputError
+            An opening or a fill is unknown, shares do not add up to 1, or an hour is missing.
+
+        Notes
+        -----
+        Façades of the same elements share their light paths: the difference of two has a smaller
+        error than either one.
+        """
+        run = replace(self.run, seconds=dict(self.run.seconds), ray_counter=Counter())
+        with one_blas_thread():
+            facade, light = self._facade(choice or {})
+            case = self.case
+            if not facade.moving:
+                case = case.with_tables(shading=None, groups={})
+            year = simulated_year(facade, case, light, run, facade.attributes)
+            with run.timed("accumulation and metrics"):
+                evaluated = evaluate_metrics(
+                    case, year.daylight, year.coefficients, year.direct, year.shade
+                )
+        planned = self.planned.summed()
+        result = summed_up(planned, year.coefficients, evaluated, run, notes(self.case))
+        return replace(result, daylight=year.daylight)
+
+    def illuminance(self, choice: Choice | None = None) -> xr.Dataset:
+        """Illuminance of a façade whose openings stay as drawn where the choice names none.
+
+        Parameters
+        ----------
+        choice : mapping, optional
+            As for `evaluate`.
+
+        Returns
+        -------
+        xr.Dataset
+            `total`, `total_se` (time, sensor) [lx], with a dim `channel` where the case is
+            coloured.
+
+        Raises
+        ------
+        InputError
+            As for `evaluate`.
+        """
+        facade, light = self._facade(choice or {}, follows=False)
+        indices = facade.indices(light.sky["time"])
+        return self._illuminance(facade, light, facade.shares(indices))
+
+    def in_states(self, states: np.ndarray | xr.DataArray) -> xr.Dataset:
+        """Illuminance with the openings in given fills.
+
+        Parameters
+        ----------
+        states : np.ndarray or DataArray of int, shape (time, opening)
+            Index of the fill of every opening at every time stamp.
+
+        Returns
+        -------
+        xr.Dataset
+            As from `illuminance`.
+
+        Raises
+        ------
+        InputError
+            Another shape, or an index out of range.
+        """
+        given, light, known = np.asarray(states), self.daylight.alone(), self.groups
+        shape = (light.sky.sizes["time"], len(known))
+        if given.shape != shape:
+            got = f"the shape {given.shape}"
+            raise InputError("states", "shape", got, f"give {shape}: time stamps and openings")
+        if given.dtype.kind not in "iu" or (given < 0).any() or (given > known.last).any():
+            got = "what is no index of a fill"
+            raise InputError("states", "index", got, f"whole numbers from 0 to {known.last}")
+        facade, light = self._facade({}, follows=False)
+        shares = self.channels[0].shares(given)
+        return self._illuminance(facade, light, shares)
+
+    def _illuminance(self, facade: ChosenFacade, light: Daylight, shares: np.ndarray) -> xr.Dataset:
+        """`total` and `total_se` [lx] of shares (time, element)."""
+        E = facade.illuminance(light, shares)
+        mean, error = mean_and_error(E.transpose("replicate", ...).values)
+        dims = [dim for dim in E.dims if dim != "replicate"]
+        out = xr.Dataset({"total": (dims, mean), "total_se": (dims, error)}, E.coords)
+        return describe(out.assign_coords(sensor_coordinates(self.case).coords))
+
+    def _facade(self, choice: Choice, *, follows: bool = True) -> tuple[ChosenFacade, Daylight]:
+        """Façade of a choice, and the daylight that its hours are of."""
+        light = self.daylight
+        chosen = ChosenFills.of(self.fills, choice, light.sky["time"].values)
+        if chosen.hourly or not follows:
+            light = light.alone()  # the choice knows no other hours
+        effects = self.planned.scope
+        facade = ChosenFacade.of(
+            self.case, self.panes, self.channels, light, effects, chosen, follows=follows
+        )
+        return facade, light
+
+    def __repr__(self) -> str:
+        some = ", ".join(f"{name}: {' | '.join(fills)}" for name, fills in self.fills.items())
+        return f"<Elements of {self.case.name!r}: {some}>"
+
+    def _repr_html_(self) -> str:
+        """Table of the openings and their fills."""
+        from html import escape
+
+        rows = "".join(
+            f"<tr><th>{escape(name)}</th><td>{escape(', '.join(fills))}</td></tr>"
+            for name, fills in self.fills.items()
+        )
+        return (
+            f"<table><caption>{escape(self.case.name)}, openings and fills</caption>{rows}</table>"
+        )
+
+
+def elements(case: Case | str | Path, fills: Fills = (), stage: Stage = silent) -> Elements:
+    """Simulate the light of a case by opening and fill.
+
+    Parameters
+    ----------
+    case : Case, str or Path
+        Case, TOML file, or name of a shipped case.
+    fills : sequence of str, or mapping of str to sequence of str, optional
+        Further fills of all openings, or of some by their names: materials of the case, "hole",
+        and, in a room of boxes, "wall". By default what the case itself may put there.
+    stage : callable, optional
+        Function that shows the stages of the work.
+
+    Returns
+    -------
+    Elements
+        Openings: the groups of the case, and the panes of one material and direction in none.
+
+    Raises
+    ------
+    InputError
+        An opening or a fill is unknown, the sun is adaptive, there is a target, or memory does not
+        hold so many elements.
+    """
+    case = case if isinstance(case, Case) else load_case(case)
+    backend.select()
+    run = replace(Run.of(case), stage=stage)
+    with one_blas_thread():
+        with run.timed("sky"):
+            light = daylight_and_year(case)
+            planned = plan(case, light)
+            groups = openings_of(case, fills)
+            scope = effects_of(groups, planned.scope, case.effects)
+            planned = replace(planned, scope=scope)
+            run = replace(run, enabled_effects=scope)
+            accuracy = accuracy_of(case, run)
+        with run.timed("elements") as done:
+            numbers = scene.channels_of(case, scope)
+            channels = tuple(
+                by_element.compute(
+                    case, groups, light.suns, accuracy, scope, channel=number,
+                    progress=part(done, i / len(numbers), (i + 1) / len(numbers)),
+                )
+                for i, number in enumerate(numbers)
+            )  # fmt: skip
+    return Elements(case, light, planned, run, groups, channels)

@@ -1,0 +1,139 @@
+"""Years whose façade takes more states than are simulated one by one: E by sums over elements."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+from drcmitsuba_plugins.patches import Patches
+
+from drcmitsuba.annual.run import Run
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import BLOCKED, HIDDEN
+from drcmitsuba.case.sun import Adaptive
+from drcmitsuba.metrics.bin_luminances import source_luminances
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.progress import Progress, part
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.enabled_effects import EnabledEffects
+from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.schema import LUMINANCE_WEIGHTS
+from drcmitsuba.sky.daylight import Daylight
+from drcmitsuba.transport import elements
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+ENTRIES = 1 << 24
+"""Number of pairs of sensors and time stamps whose illuminance is summed at once."""
+
+
+def years_of_states(
+    case: Case, daylight: Daylight, indices: np.ndarray, run: Run,
+    progress: Progress = lambda share: None,
+) -> Iterator[tuple[slice, xr.Dataset]]:  # fmt: skip
+    """Yield a year of known states of the groups for blocks of sensors; no coefficients are kept.
+
+    Parameters
+    ----------
+    indices : np.ndarray of int, shape (time, group)
+        State of every group at every time stamp, an index.
+
+    Yields
+    ------
+    slice, xr.Dataset
+        Sensors, and their `illuminance` by each replicate [lx]. The run stores each block before
+        it is yielded.
+
+    Raises
+    ------
+    InputError
+        The case has an adaptive sun or a target, and errors of `elements.illuminance`.
+    """
+    accuracy, effects = accuracy_of(case, run), run.enabled_effects
+    points, normals = sensor_points(case)
+    channels = scene.channels_of(case, effects)
+    groups, labels = PaneGroups.of(case), Patches(case.sky.subdivision).labels
+    *first, count = groups.states.starts
+    L = luminances_of(daylight, (*labels, *daylight.suns.labels))
+    shares = elements.chosen(np.array(first), indices, count)
+    year = elements.Year.of(L, shares, len(labels))
+    content = () if run.blocks is None else _content(case, groups, effects, channels)
+    size = max(1, ENTRIES // len(indices))
+    for start in range(0, len(points), size):
+        here = slice(start, min(start + size, len(points)))
+        done = part(progress, here.start / len(points), here.stop / len(points))
+        # A block's random numbers are its own.
+        its = accuracy.model_copy(update={"seed": accuracy.seed + start})
+
+        def made(its: Accuracy = its, here: slice = here, done: Progress = done) -> xr.Dataset:
+            years = [
+                elements.illuminance(
+                    case, groups, daylight.suns, its, effects, year, channel=channel, sensors=here,
+                    progress=part(done, i / len(channels), (i + 1) / len(channels)),
+                )
+                for i, channel in enumerate(channels)
+            ]  # fmt: skip
+            return xr.Dataset({"illuminance": replicates_of(daylight, years, its.replicates)})
+
+        kept = run.kept(
+            f"{case.name}, year of states", content, points[here], normals[here], its.sampling,
+            case.sky.subdivision, daylight.suns, L.data, L.indices, L.indptr, indices,
+        )  # fmt: skip
+        yield here, kept.kept(here.stop - here.start, made)
+
+
+def _content(
+    case: Case, openings: PaneGroups, effects: EnabledEffects, channels: Sequence[int]
+) -> tuple[Any, ...]:
+    """Everything that the light of every opening with every fill depends on in a case's scenes."""
+    groups = openings.states
+    fills = [(g, s) for g, of in enumerate(groups.states) for s in range(len(of))]
+    labels = [
+        groups.label([fill if g == opening else BLOCKED for g in range(len(groups))])
+        for opening, fill in [(-1, BLOCKED), *fills]
+    ]
+    labels.append(groups.label([HIDDEN] * len(groups)))
+    return tuple(
+        scene.load(case, label, channel, effects, openings).content
+        for channel in channels
+        for label in labels
+    )
+
+
+def accuracy_of(case: Case, run: Run) -> Accuracy:
+    """Samples of light by element, which has neither an adaptive sun nor a target."""
+    if isinstance(case.sun, Adaptive):
+        got = "adaptive, where light is summed over openings"
+        raise InputError(case.source, "sun.model", got, "take another one, or fewer states")
+    if case.accuracy.sensor_goal is not None:
+        got = "a target, where light is summed over openings"
+        raise InputError(case.source, "accuracy.target", got, "leave it out")
+    return run.accuracy(case, len(sensor_points(case)[0]))
+
+
+def luminances_of(daylight: Daylight, labels: Sequence[str]) -> csr_matrix:
+    """Luminances (time, bin) [cd/m²] of bins by their labels."""
+    known = xr.Dataset(coords={"bin": np.array(labels, dtype=object)})
+    return source_luminances(known, daylight.sky)
+
+
+def replicates_of(
+    daylight: Daylight, channels: list[Iterator[np.ndarray]], replicates: int
+) -> xr.DataArray:
+    """Illuminances [lx] of all replicates and channels."""
+    values = np.zeros((0,))
+    for i, years in enumerate(channels):
+        for r, year in enumerate(years):  # one by one: a list would hold them twice
+            if not values.size:
+                values = np.empty((len(channels), replicates, *year.shape), np.float32)
+            values[i, r] = year
+    dims = ("channel", "replicate", "time", "sensor")
+    out = xr.DataArray(values, dims=dims, coords={"time": daylight.sky["time"]})
+    if len(channels) == 1:
+        return out.isel(channel=0)
+    return out.assign_coords(channel=np.array(list(LUMINANCE_WEIGHTS), dtype=object))

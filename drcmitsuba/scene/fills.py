@@ -1,0 +1,150 @@
+"""Openings of a case and what may stand in them: groups of panes with further fills.
+
+An *opening* holds panes that change together: a group of the case, or all panes of one material
+that face one direction and belong to no group. A *fill* is what may stand in an opening: a state
+of its group, a material of the case, a hole, or wall.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.effects import Effects
+from drcmitsuba.case.groups import OPEN, OTHERS, RESERVED, GroupStates
+from drcmitsuba.model.materials import (
+    BsdfMaterial,
+    DiffuserMaterial,
+    GlazingMaterial,
+    Lambertian,
+    SurfaceMaterial,
+)
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import choose, shortened
+from drcmitsuba.scene.enabled_effects import EnabledEffects
+from drcmitsuba.scene.like_panes import LikePanes, assigned_to, like_panes
+from drcmitsuba.scene.pane_groups import PaneGroups
+
+HOLE, WALL = "hole", "wall"
+"""Fills that are no material: nothing, and the wall of a room of boxes."""
+Fills = Mapping[str, Sequence[str]] | Sequence[str]
+"""Names of further fills, of all openings or by opening."""
+
+
+def openings_of(case: Case, fills: Fills = ()) -> PaneGroups:
+    """Openings of a case: its groups of panes, then the panes of none, with all of their fills.
+
+    The first fill of an opening, "open", are its panes as drawn; the states of the case and the
+    further `fills` follow.
+
+    Raises
+    ------
+    InputError
+        There is no such opening, no such material, or a group whose states the model gives is to
+        have further ones; and errors of `PaneGroups.of`.
+    """
+    own = _apart(case, PaneGroups.of(case))
+    if not len(own):
+        remedy = "give a façade strips, or the model panes"
+        raise InputError(case.source, "facade", "no pane to the outside", remedy)
+    names = own.states.names
+    if not isinstance(fills, Mapping):
+        fills = dict.fromkeys(names, fills)
+    for opening in fills:
+        if opening not in names:
+            got = f"no opening {shortened(opening)}"
+            raise InputError(case.source, "fills", got, choose(opening, names))
+    states, materials = [], []
+    for name, known, kinds in zip(names, own.states.states, own.materials, strict=True):
+        further = [f for f in dict.fromkeys(fills.get(name, ())) if f not in known]
+        if further and len(known) > 1 and not kinds:
+            got = f"further fills of {shortened(name)}, whose states the model gives"
+            raise InputError(case.source, "fills", got, "name the group's panes and its states")
+        states.append((*known, *further))
+        materials.append((*kinds, *(_fill(case, fill) for fill in further)))
+    return replace(own, states=GroupStates(names, tuple(states)), materials=tuple(materials))
+
+
+def _apart(case: Case, own: PaneGroups) -> PaneGroups:
+    """Groups of a case, with the panes of none in openings of their own."""
+    # The one shade of a case without clear panes covers nothing.
+    names_of = enumerate(zip(own.states.names, own.facings, strict=True))
+    named = [g for g, (name, facings) in names_of if name != OTHERS and facings]
+    every, place = [], {old: new for new, old in enumerate(named)}
+    rest = []
+    for panes in like_panes(case):
+        group = _opening_of(own, panes)
+        if group not in place:
+            rest.append(panes)
+        every.append((panes, place.get(group, len(named) + len(rest) - 1)))
+    names = [*(own.states.names[g] for g in named), *map(str, rest)]
+    if named and own.states == GroupStates.of_shade() and len(own.facings[0]) == 1:
+        names[0] = own.facings[0][0]
+    states = [own.states.states[g] for g in named]
+    if case.shading is not None and not case.groups:
+        states = [(OPEN, case.shading.material)] * len(named)
+    return PaneGroups(
+        GroupStates(tuple(names), (*states, *((OPEN,),) * len(rest))),
+        *assigned_to(case, every),
+        (*(own.facings[g] for g in named), *((panes.facing,) for panes in rest)),
+        (*(own.materials[g] for g in named), *((),) * len(rest)),
+    )
+
+
+def drawn_in(case: Case, openings: PaneGroups) -> list[str]:
+    """Name of what the case draws in every opening: a material, or "open" where these differ."""
+    materials: list[set[str]] = [set() for _ in range(len(openings))]
+    for panes in like_panes(case):
+        materials[_opening_of(openings, panes)].add(panes.name)
+    alone = (next(iter(names)) if len(names) == 1 else OPEN for names in materials)
+    known = zip(alone, openings.states.states, strict=True)
+    return [OPEN if name in states else name for name, states in known]
+
+
+def effects_of(openings: PaneGroups, scope: EnabledEffects, chosen: Effects) -> EnabledEffects:
+    """Effects of a case, with those that its further fills call for.
+
+    Parameters
+    ----------
+    openings : PaneGroups
+    scope : EnabledEffects
+        Effects that the case as drawn calls for.
+    chosen : Effects
+        The user's choices, of which "off" holds for fills, too.
+    """
+    fills = [material for of_group in openings.materials for material in of_group]
+
+    def calls(name: str, *kinds: type) -> bool:
+        on = any(isinstance(fill, kinds) for fill in fills) and getattr(chosen, name) != "off"
+        return on or getattr(scope, name)
+
+    depth = scope.depth if chosen.interreflection == "off" or not fills else None
+    return replace(
+        scope,
+        clear_panes=calls("clear_panes", GlazingMaterial, type(None)),
+        scattering_panes=calls("scattering_panes", DiffuserMaterial),
+        films=calls("films", BsdfMaterial),
+        depth=depth,
+    )
+
+
+def _opening_of(groups: PaneGroups, panes: LikePanes) -> int:
+    """Group of panes, `NO_GROUP` for none."""
+    if panes.quads is not None:
+        return int(groups.of_quads[panes.layer][panes.quads[0]])
+    assert panes.strip is not None
+    return groups.strip(*panes.strip)
+
+
+def _fill(case: Case, name: str) -> SurfaceMaterial | None:
+    """Material of a fill; None is a hole."""
+    if name == HOLE:
+        return None
+    if name == WALL and case.room is not None:
+        return Lambertian(case.room.walls)
+    if name not in case.panes or name in RESERVED or "/" in name:
+        known = [HOLE, *([WALL] if case.room is not None else []), *case.panes]
+        got = f"no fill {shortened(name)}"
+        raise InputError(case.source, "fills", got, choose(name, known))
+    return case.materials[name]

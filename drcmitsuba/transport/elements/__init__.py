@@ -1,0 +1,22 @@
+"""Light by element: what comes in by every opening with every fill, and any façade from it.
+
+marks, marked_light
+    Marks of paths that met openings whose fill is left open; the light of such paths.
+weights
+    Shares of elements at every time stamp, and the sums of their light.
+scenes
+    Scenes in which one opening with one fill lets light in, and their deposits.
+trace
+    Paths of a case, and the light of every element before any diffuse reflection.
+light, simulate
+    Coefficients of every element, of which any façade is recombined.
+illuminance
+    A year of known shares, of which no coefficients are kept.
+"""
+
+from drcmitsuba.transport.elements.illuminance import illuminance
+from drcmitsuba.transport.elements.light import ElementLight, LightByElement
+from drcmitsuba.transport.elements.simulate import compute
+from drcmitsuba.transport.elements.weights import Year, chosen
+
+__all__ = ["ElementLight", "LightByElement", "Year", "chosen", "compute", "illuminance"]

@@ -1,0 +1,162 @@
+r"""Light by element, and the coefficients of any façade from it.
+
+.. math:: C(w) = S_0 + G_0 D_0 + \sum_e w_e (S_e + G_0 D_e)
+          + G_m(w) \Big( D_0 + \sum_e w_e D_e \Big)
+
+with S and D the light on sensors and cells that comes in by the element e, one opening with one
+fill, before any diffuse reflection; S₀ and D₀ the light that passes no opening; w the share that a
+fill takes of its opening; G₀ the paths that met no opening, and G_m those that did, each with the
+product of the shares of the fills that it met.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+
+from drcmitsuba.case.groups import GroupStates
+from drcmitsuba.schema import mean_and_error
+from drcmitsuba.transport.coefficient_arrays import with_values, without_values
+from drcmitsuba.transport.elements.marked_light import MarkedLight
+from drcmitsuba.transport.elements.weights import BESIDES, Year, chosen
+from drcmitsuba.transport.marked_paths import MarkedVertices
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+
+@dataclass(frozen=True, eq=False)
+class ElementLight:
+    """Light that comes in by an opening with one fill, in all replicates."""
+
+    bins: np.ndarray
+    """Bins that it has light of, positions among all labels, int, shape (own bin,): ground and all
+    sky patches, then some suns."""
+    straight: np.ndarray
+    """C by straight light [sr], shape (replicate, own bin, sensor)."""
+    direct: np.ndarray
+    """C before any diffuse reflection [sr], likewise; the same array where nothing scatters."""
+    total: np.ndarray
+    """C without light that met openings from inside [sr], likewise."""
+    blocks: np.ndarray
+    """Mean D of blocks of cells [sr], (replicate, own bin, block)."""
+
+    @property
+    def arrays(self) -> tuple[np.ndarray, ...]:
+        """Arrays, each once."""
+        scatters = () if self.direct is self.straight else (self.direct,)
+        return (self.straight, *scatters, self.total, self.blocks)
+
+
+@dataclass(frozen=True, eq=False)
+class LightByElement:
+    """Coefficients by opening and fill."""
+
+    openings: GroupStates
+    """Names of the openings and of their fills."""
+    positions: np.ndarray
+    """Positions of the sensors [m], shape (sensor, 3)."""
+    labels: tuple[str, ...]
+    """Bins: ground, sky patches, suns."""
+    sky_bins: int
+    """Number of bins of ground and sky, which come first."""
+    besides: ElementLight
+    """Light that passes no opening."""
+    elements: tuple[ElementLight, ...]
+    """Light of every opening with every fill, opening by opening."""
+    marked: MarkedVertices
+    """Vertices of the paths that met openings."""
+
+    @property
+    def replicates(self) -> int:
+        """Number of independent results."""
+        return len(self.besides.total)
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the arrays [bytes]."""
+        light = (a for e in (self.besides, *self.elements) for a in e.arrays)
+        return sum(a.nbytes for a in (*light, *self.marked))
+
+    @cached_property
+    def _marked(self) -> list[MarkedLight]:
+        """Marked vertices of every replicate."""
+        shape = len(self.positions), self.besides.blocks.shape[2]
+        return MarkedLight.by_replicate(self.marked, self.replicates, shape)
+
+    def shares(self, indices: np.ndarray) -> np.ndarray:
+        """Shares (…, element) of openings with one fill each, `indices` (…, opening)."""
+        *first, elements = self.openings.starts
+        return chosen(np.array(first), np.asarray(indices), elements)
+
+    def light(self, element: int) -> ElementLight:
+        """Light of an element, or the light `BESIDES`."""
+        return self.besides if element == BESIDES else self.elements[element]
+
+    def coefficients(self, shares: np.ndarray) -> xr.Dataset:
+        """Coefficients of a façade.
+
+        Parameters
+        ----------
+        shares : np.ndarray, shape (element,)
+            Share of its opening that every element takes; those of an opening add up to 1.
+
+        Returns
+        -------
+        xr.Dataset
+            As from `transport.coefficients.compute` [sr].
+        """
+        some = [(self.besides, 1.0)]
+        some += [(self.elements[e], float(shares[e])) for e in np.flatnonzero(shares).tolist()]
+        lit = self._sum(some, "straight")
+        scatters = any(light.direct is not light.straight for light, _ in some)
+        direct = self._sum(some, "direct") if scatters else lit
+        total, D = self._sum(some, "total"), self._sum(some, "blocks")
+        for r, marked in enumerate(self._marked):
+            total[r] += D[r] @ marked.weighed(shares).T
+        data = {}
+        parts = {"straight": lit, "direct": direct, "interreflected": total - direct}
+        for name, values in parts.items():
+            for end, array in zip(("", "_se"), mean_and_error(values), strict=True):
+                data[name + end] = np.ascontiguousarray(array.T)
+        empty = without_values(list(self.labels), self.positions)
+        return with_values(empty, data, np.ascontiguousarray(total.transpose(0, 2, 1)))
+
+    def _sum(self, some: list[tuple[ElementLight, float]], name: str) -> np.ndarray:
+        """Σ w · light of all bins, (replicate, bin, receiver)."""
+        first = getattr(some[0][0], name)
+        out = np.zeros((len(first), len(self.labels), first.shape[2]), np.float32)
+        for light, share in some:
+            values = getattr(light, name)
+            out[:, light.bins] += values if share == 1 else np.float32(share) * values
+        return out
+
+    def illuminance(self, L: csr_matrix, shares: np.ndarray) -> Iterator[np.ndarray]:
+        """Yield the illuminance of a year by each replicate.
+
+        Parameters
+        ----------
+        L : csr_matrix, shape (time, bin)
+            Luminances of all bins [cd/m²].
+        shares : np.ndarray, shape (time, element)
+            Share of its opening that every element takes at every time stamp.
+
+        Yields
+        ------
+        np.ndarray, shape (time, sensor)
+            E [lx].
+        """
+        year = Year.of(L, shares, self.sky_bins)
+        for r, marked in enumerate(self._marked):
+            E, D = (year.dark(n) for n in marked.shape)
+            for number in year.hours:
+                light = self.light(number)
+                year.add(E, number, light.bins, light.total[r])
+                year.add(D, number, light.bins, light.blocks[r])
+            marked.add(E, D, year)
+            yield E

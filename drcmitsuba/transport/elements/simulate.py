@@ -1,0 +1,106 @@
+"""Light of every opening with every fill: what any façade, hour by hour, is recombined from."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.case import Case
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.progress import Progress
+from drcmitsuba.scene.enabled_effects import EnabledEffects
+from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport.elements.light import ElementLight, LightByElement
+from drcmitsuba.transport.elements.scenes import Element
+from drcmitsuba.transport.elements.trace import Deposited, ElementTrace
+
+MOST_BYTES = 12 << 30
+"""Largest memory of light by element [bytes]."""
+TOGETHER = 1 << 26
+"""Largest number of values of D that replicates have in the same launches."""
+
+
+def compute(
+    case: Case, openings: PaneGroups, suns: Suns, accuracy: Accuracy, effects: EnabledEffects, *,
+    channel: int = -1, progress: Progress = lambda share: None,
+) -> LightByElement:  # fmt: skip
+    """Compute the coefficients of every opening with every fill.
+
+    Parameters
+    ----------
+    case, openings, suns, accuracy, effects, channel
+        As for `ElementTrace.of`.
+    progress : callable
+        Takes the share of the work that is done.
+
+    Returns
+    -------
+    LightByElement
+        Coefficients [sr].
+
+    Raises
+    ------
+    InputError
+        The case has no openings, or more elements than memory holds.
+    """
+    trace = ElementTrace.of(case, openings, suns, accuracy, effects, channel=channel)
+    every = (trace.besides, *trace.elements)
+    _check_size(case, trace, [3 * len(element.bins) for element in every])
+    lights = [_empty(trace, element) for element in every]
+    rows = max(trace.paths.cells.count, len(trace.points))
+    step = max(1, TOGETHER // (rows * len(trace.labels)))
+    for start in range(0, accuracy.replicates, step):
+        some = range(start, min(start + step, accuracy.replicates))
+        G, besides = [trace.paths.matrix(r) for r in some], trace.beside(some)
+        if besides is not None:
+            _fill(lights[0], trace, some, besides, G)
+        for i, (element, light) in enumerate(zip(every[1:], lights[1:], strict=True), 1):
+            _fill(light, trace, some, trace.deposited(element, some, besides), G)
+            progress((start + len(some) * i / len(trace.elements)) / accuracy.replicates)
+    return LightByElement(
+        openings=trace.openings,
+        positions=trace.positions,
+        labels=trace.labels,
+        sky_bins=trace.sky_bins,
+        besides=lights[0],
+        elements=tuple(lights[1:]),
+        marked=trace.paths.marked(),
+    )
+
+
+def _empty(trace: ElementTrace, element: Element) -> ElementLight:
+    """Light of 0."""
+    shape = trace.accuracy.replicates, len(element.bins)
+    sensors, blocks = len(trace.points), trace.paths.blocks
+    deposit = element.deposit
+    scatters = bool(deposit.films or deposit.patches or element.photons)
+    straight, total = (np.zeros((*shape, sensors), np.float32) for _ in range(2))
+    direct = np.zeros((*shape, sensors), np.float32) if scatters else straight
+    return ElementLight(
+        element.bins, straight, direct, total, np.zeros((*shape, blocks), np.float32)
+    )
+
+
+def _fill(
+    light: ElementLight, trace: ElementTrace, some: range, deposited: Deposited, G: list[np.ndarray]
+) -> None:
+    """Write the light of some replicates, gathered by the paths G₀ of each."""
+    by_cell = deposited.cells.numpy()
+    D = by_cell.reshape(len(some), -1, by_cell.shape[1])
+    parts = zip(some, deposited.straight, deposited.direct, D, G, strict=True)
+    for r, straight, direct, cells, gathers in parts:
+        light.straight[r], light.direct[r] = straight.T, direct.T
+        light.total[r] = (direct + gathers @ cells).T
+        light.blocks[r] = (trace.paths.means @ cells).T
+
+
+def _check_size(case: Case, trace: ElementTrace, arrays: list[int]) -> None:
+    """Refuse more elements than memory holds: numbers of bins of each, of all arrays together."""
+    receivers = len(trace.points) + trace.paths.blocks
+    each = [4 * trace.accuracy.replicates * receivers * n for n in arrays]
+    if sum(each) > MOST_BYTES:
+        fit = int(np.searchsorted(np.cumsum(each), MOST_BYTES)) - 1
+        got = f"{sum(each) / 2**30:.2g} GiB for {len(each) - 1} openings with one fill each"
+        remedy = f"{max(fit, 0)} of them fit: take fewer fills, sensors, replicates or time stamps"
+        raise InputError(case.source, "elements", got, remedy)

@@ -1,0 +1,221 @@
+"""Light of every element in a case before any diffuse reflection, and the paths that gather it.
+
+case, openings ─ grouped_panes ─► panes by opening, with their material in every fill
+     ─ OpeningMarks ────────────► paths G₀ and G_m, one set for all fills
+     ─ elements_of_case ────────► S, D of every element, the other openings blocked; less S₀, D₀
+
+The random numbers of all deposits are the same, so that light that passes no opening cancels.
+Light that passes two openings in turn before any diffuse reflection, as through a corner of two
+façades, is left out; so is light that clear glass mirrors from pane to pane.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from drcmitsuba_plugins.patches import Patches
+
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import HIDDEN, GroupStates
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.flat_arrays import flat, flat_indices
+from drcmitsuba.runtime.random_streams import Stream, launch_seed
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.enabled_effects import EnabledEffects
+from drcmitsuba.scene.geometry import origin
+from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.panes_in_state import grouped_panes, groups_with_surfaces
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport.deposit import Irradiance
+from drcmitsuba.transport.elements.marks import MOST_ELEMENTS, OpeningMarks
+from drcmitsuba.transport.elements.scenes import Element, elements_of_case
+from drcmitsuba.transport.gather_blocks import Gathered
+from drcmitsuba.transport.launch_size import PATHS, SENSORS
+from drcmitsuba.transport.marked_paths import MarkedPaths
+from drcmitsuba.transport.openings import Within, within_of
+from drcmitsuba.transport.replicate import Replicates
+from drcmitsuba.transport.straight_suns import Disks, sensor_numbers
+
+KEPT = 1 << 26
+"""Largest number of pairs of sensors and suns whose disks are kept for further replicates."""
+
+
+class Deposited(NamedTuple):
+    """Light of an element in some replicates, before any diffuse reflection [sr]."""
+
+    straight: np.ndarray
+    """S of the sensors by straight light, shape (replicate, sensor, own bin)."""
+    direct: np.ndarray
+    """S of the sensors, likewise."""
+    cells: Irradiance
+    """D of the cells, shape (replicate · cell, own bin) together."""
+
+    def less(self, other: Deposited, own: np.ndarray, bins: np.ndarray) -> Deposited:
+        """Subtract light that has all `bins` of this one among its `own`."""
+        at, (sky, sun) = np.searchsorted(own, bins), self.cells
+        suns = flat_indices(at[sky.shape[1] :] - sky.shape[1])
+        cells = Irradiance(sky - other.cells.sky, sun - _columns(other.cells.sun, suns))
+        straight, direct = self.straight, self.direct
+        return Deposited(straight - other.straight[..., at], direct - other.direct[..., at], cells)
+
+    @property
+    def is_dark(self) -> bool:
+        """Whether there is no light at all."""
+        return not self.direct.any() and not self.cells.numpy().any()
+
+
+@dataclass(frozen=True)
+class ElementTrace:
+    """Paths of all sensors, and the elements whose light they gather."""
+
+    openings: GroupStates
+    points: np.ndarray
+    """Sensors, and their normals, as `scene.sensors.sensor_points` gives them."""
+    normals: np.ndarray
+    positions: np.ndarray
+    """Positions of the sensors in the case's frame [m], shape (sensor, 3)."""
+    labels: tuple[str, ...]
+    """Bins: ground, sky patches, suns."""
+    sky_bins: int
+    """Number of bins of ground and sky, which come first."""
+    accuracy: Accuracy
+    paths: MarkedPaths
+    besides: Element
+    """Light that passes no opening."""
+    elements: tuple[Element, ...]
+    _disks: dict[tuple[int, int], Disks] = field(default_factory=dict, init=False, repr=False)
+    """Disks of suns that were looked for, by element and first sensor."""
+
+    @classmethod
+    def of(
+        cls, case: Case, openings: PaneGroups, suns: Suns, accuracy: Accuracy,
+        effects: EnabledEffects, *, channel: int = -1,
+        wanted: Mapping[int, np.ndarray] | None = None, sensors: slice = slice(None),
+    ) -> ElementTrace:  # fmt: skip
+        """Trace the paths, and load the scene of every element.
+
+        Parameters
+        ----------
+        case : Case
+        openings : PaneGroups
+            Openings and their fills, from `scene.fills.openings_of`, or groups of the case.
+        suns : Suns
+        accuracy : Accuracy
+        effects : EnabledEffects
+            Effects that are simulated; light from pane to pane is not, beside what diffusing panes
+            and films reflect, as if it came from all directions alike.
+        channel : int
+            Colour channel, −1 for luminance.
+        wanted : mapping of int to np.ndarray of bool, shape (sun,), optional
+            Suns of each element that is asked for; by default all suns of all elements.
+        sensors : slice
+            Sensors of the case; by default all.
+
+        Raises
+        ------
+        InputError
+            The case has no openings, or too many fills, or fills that no sum can hold.
+        """
+        case = case.without_polish()
+        for group in groups_with_surfaces(case)[:1]:
+            got = "its states have surfaces of their own"
+            remedy = "take fewer states, which are simulated one by one"
+            raise InputError(case.source, f"groups.{group}", got, remedy)
+        effects = replace(effects, pane_to_pane=False)
+        groups, panes = openings.states, grouped_panes(case, effects, openings)
+        if not panes:
+            got, remedy = "there is none", "add [groups] or [shading]"
+            raise InputError(case.source, "groups", got, remedy)
+        if groups.starts[-1] > MOST_ELEMENTS:
+            got = f"{groups.starts[-1]} fills of all openings"
+            raise InputError(case.source, "groups", got, f"take at most {MOST_ELEMENTS} together")
+        points, normals = (each[sensors] for each in sensor_points(case))
+        label = groups.label([HIDDEN] * len(groups))
+        hidden = scene.load(case, label, channel, effects, openings)
+        marks = OpeningMarks(panes, np.array(groups.starts), channel, effects.beyond)
+        shapes = {f"shape{i}": shape for i, shape in enumerate((*hidden.full.shapes(), marks.mesh))}
+        corners = np.concatenate([hidden.corners, *(each.quads.reshape(-1, 3) for each in panes)])
+        full = mi.load_dict({"type": "scene", **shapes}, optimize=False)
+        world = hidden.searched(full=full, corners=corners)
+        gathered = Gathered.of(
+            world, points, normals, accuracy, block=SENSORS, lanes=PATHS, marks=marks
+        )
+        labels = (*Patches(case.sky.subdivision).labels, *suns.labels)
+        besides, *elements = elements_of_case(
+            case, openings, panes, suns, points, normals, accuracy, effects, channel, wanted
+        )
+        return cls(
+            groups, points, normals, points + origin(case), labels, len(labels) - len(suns.labels),
+            accuracy, MarkedPaths(gathered, len(points)), besides, tuple(elements),
+        )  # fmt: skip
+
+    def beside(self, replicates: range) -> Deposited | None:
+        """Light that passes no opening in some replicates; None where there is none."""
+        light = self.deposited(self.besides, replicates)
+        return None if light.is_dark else light
+
+    def deposited(
+        self, element: Element, replicates: range, besides: Deposited | None = None
+    ) -> Deposited:
+        """Light of an element in some replicates, less what passes no opening."""
+        own = self._deposited(element, replicates)
+        return own if besides is None else own.less(besides, self.besides.bins, element.bins)
+
+    def _deposited(self, element: Element, numbers: range) -> Deposited:
+        """All light in the scene of an element."""
+        gathered, light = self.paths.gathered, element.deposit
+        every = Replicates(numbers, tuple(light.lit(r) for r in numbers))
+        if element.photons is not None:
+            seeds = (launch_seed(self.accuracy.seed, Stream.PHOTONS, r) for r in numbers)
+            every.landed = tuple(element.photons.traced(seed) for seed in seeds)
+        cells = Irradiance(*(dr.zeros(mi.TensorXf, (0, n)) for n in light.bins))
+        if gathered.cells.count:
+            drawn = gathered.drawn.of(numbers)
+            within = within_of(light.scene, drawn.p.numpy().reshape(-1, 3))
+            every.meet(drawn, gathered.cells.keys, within)
+            every.join()
+            assert every.cells is not None
+            cells = every.cells
+        shape = len(numbers), len(self.points), len(element.bins)
+        straight, direct = (np.empty(shape, np.float32) for _ in range(2))
+        for here in gathered.blocks:
+            p, n = flat(self.points[here]), flat(self.normals[here])
+            told = None if gathered.within is None else gathered.within[here]
+            within = within_of(light.scene, self.points[here], told)
+            disks = self._disks_of(element, here, p, n, within)
+            parts = every.sensors(p, n, here, element.sun_samples, within, disks)
+            for out, part in zip((straight, direct), parts, strict=True):
+                out[:, here] = part.numpy().reshape(shape[0], -1, shape[2])
+        return Deposited(straight, direct, cells)
+
+    def _disks_of(
+        self, element: Element, here: slice, p: mi.Float, n: mi.Float, within: Within
+    ) -> Disks:
+        """Disks of the suns as sensors see them in the scene of an element."""
+        key = element.number, here.start
+        if (disks := self._disks.get(key)) is None:
+            disks = element.deposit.disks(p, n, sensor_numbers(here), within)
+            suns = sum(e.deposit.bins[1] for e in self.elements)
+            if suns * len(self.points) <= KEPT:
+                self._disks[key] = disks
+        return disks
+
+
+def _columns(values: mi.TensorXf, at: mi.UInt32) -> mi.TensorXf:
+    """Some columns of a matrix."""
+    rows, columns = values.shape[0], dr.width(at)
+    if rows * columns == 0:
+        return dr.zeros(mi.TensorXf, (rows, columns))
+    few, many = (dr.opaque(mi.UInt32, n) for n in (columns, values.shape[1]))
+    entry = dr.arange(mi.UInt32, rows * columns)
+    column = dr.gather(mi.UInt32, at, entry % few)
+    return mi.TensorXf(
+        dr.gather(mi.Float, values.array, entry // few * many + column), (rows, columns)
+    )

@@ -1,0 +1,148 @@
+"""Any façade from one simulation: choices of fills against evaluations, and what is refused."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import drcmitsuba
+from drcmitsuba import InputError
+from tests.system.small_room import CASE, DAYS, SHADING, SITE, STRIPS, changed
+
+EAST = "[facade.east]\n" + STRIPS.replace("glass", "opal") + "\n"
+OPAL = '[materials.opal]\ntype = "diffuser"\ntransmittance = 0.4\nreflectance = 0.3\n'
+MARCH = "months = [3]"
+
+
+def case_of(folder, *changes, more=""):
+    text = changed((DAYS, MARCH), *changes) + more + SITE
+    (folder / "case.toml").write_text(text)
+    return drcmitsuba.load_case(folder / "case.toml")
+
+
+@pytest.fixture(scope="module")
+def light(tmp_path_factory):
+    """A south window with a shade, and a translucent one to the east."""
+    case = case_of(tmp_path_factory.mktemp("case"), more=EAST + OPAL)
+    return drcmitsuba.elements(case, {"south": ["opal", "hole"], "opal (east)": ["glass", "wall"]})
+
+
+def mean(result):
+    return result.illuminance["total"].mean().item()
+
+
+def agree(ours, theirs, name="total"):
+    """Assert that means over hours and sensors agree within five standard errors of both."""
+    a, b = ours.illuminance, theirs.illuminance
+    error = np.hypot(a[f"{name}_se"].mean(), b[f"{name}_se"].mean()).item()
+    assert abs((a[name] - b[name]).mean().item()) < 2 * error  # of one entry
+
+
+def test_openings_and_their_fills_have_names(light):
+    assert light.openings == ("south", "opal (east)")
+    assert light.fills == {
+        "south": ("glass", "shade", "opal", "hole"),
+        "opal (east)": ("opal", "glass", "wall"),
+    }
+    assert "south" in repr(light)
+    assert "<td>glass, shade, opal, hole</td>" in light._repr_html_()
+
+
+def test_no_choice_is_the_case_itself(light):
+    ours, theirs = light.evaluate(), drcmitsuba.evaluate(light.case)
+    assert ours.illuminance.shade_closed.equals(theirs.illuminance.shade_closed)
+    assert ours.metrics["shade_closed"] == theirs.metrics["shade_closed"]
+    np.testing.assert_allclose(
+        ours.illuminance["direct_sun"], theirs.illuminance["direct_sun"], rtol=1e-4, atol=1
+    )
+    for name in ("total", "total_open", "sky_open", "sun_open"):
+        agree(ours, theirs, name)
+    low, high = (theirs.metrics["sDA"][end] for end in ("low", "high"))
+    assert low - 4 <= ours.metrics["sDA"]["value"] <= high + 4  # a sensor is 4 %
+    assert set(ours.coefficients.data_vars) == set(theirs.coefficients.data_vars)
+
+
+def test_a_choice_is_the_case_drawn_so(light, tmp_path):
+    ours = light.evaluate({"opal (east)": "glass", "south": "opal"})
+    south, east = (STRIPS, STRIPS.replace("glass", "opal")), "[facade.east]\n" + STRIPS + "\n"
+    drawn = case_of(tmp_path, south, (SHADING, ""), more=east + OPAL)
+    theirs = drcmitsuba.evaluate(drawn)
+    assert not ours.illuminance["shade_closed"].any()  # south has no clear pane
+    agree(ours, theirs)
+    agree(ours, theirs, "direct_sun")
+
+
+def test_shares_are_means_of_fills_in_a_room_that_reflects_little(light):
+    """The paths back to the façade, a few per cent, are products of shares."""
+    alone = [mean(light.evaluate({"south": fill})) for fill in ("glass", "opal")]
+    both = mean(light.evaluate({"south": {"glass": 0.25, "opal": 0.75}}))
+    assert both == pytest.approx(0.25 * alone[0] + 0.75 * alone[1], rel=0.01)
+
+
+def test_fills_by_the_hour_are_those_of_each_hour(light):
+    time = light.daylight.sky["time"]
+    early = time.dt.hour.values < 12
+    names = xr.DataArray(np.where(early, "hole", "opal"), {"time": time}, ("time",))
+    shares = xr.DataArray(
+        np.stack([early, ~early], axis=1).astype(float), {"time": time, "fill": ["hole", "opal"]},
+        ("time", "fill"),
+    )  # fmt: skip
+    E = light.illuminance({"south": names})
+    xr.testing.assert_allclose(light.illuminance({"south": shares}), E)
+    for fill, hours in (("hole", early), ("opal", ~early)):
+        of_fill = light.illuminance({"south": fill}).isel(time=hours)
+        xr.testing.assert_allclose(of_fill, E.isel(time=hours), rtol=1e-4)
+    result = light.evaluate({"south": names})
+    share = {name: value for name, value in result.metrics["groups"]["south"].items() if value}
+    assert share == {"hole": 100 * early.mean(), "opal": 100 * (~early).mean()}
+    np.testing.assert_allclose(result.illuminance["total"], E["total"], rtol=1e-3)
+
+
+def test_differences_of_façades_share_their_paths(light):
+    """Two façades of the same elements differ by far less than their errors."""
+    glass, opal = (light.evaluate({"opal (east)": fill}) for fill in ("opal", {"opal": 1.0}))
+    xr.testing.assert_identical(glass.illuminance["total"], opal.illuminance["total"])
+
+
+@pytest.mark.parametrize(
+    ("choice", "message"),
+    [
+        ({"north": "glass"}, 'choice: opening: no opening "north"; choose from: '),
+        ({"south": "gass"}, 'no fill "gass" of "south"; did you mean "glass"?'),
+        ({"south": {"glass": 0.5, "opal": 0.4}}, "shares 0.5, 0, 0.4, 0, 0.9 together; give"),
+        ({"south": {"glass": 1.5, "opal": -0.5}}, "give shares from 0 that add up to 1"),
+        ({"south": 3.0}, "choice: south: float; give a fill"),
+        ({"south": xr.DataArray(["glass"], dims="hour")}, "an array with dims hour; give the dim"),
+        ({"south": xr.DataArray(["glass"], dims="time")}, "no fill at 2015-03-"),
+    ],
+)
+def test_bad_choices_are_refused(light, choice, message):
+    with pytest.raises(InputError) as error:
+        light.evaluate(choice)
+    assert message in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("fills", "more", "message"),
+    [
+        ({"west": ["glass"]}, "", 'fills: no opening "west"; choose from: "south"'),
+        (["gass"], "", 'fills: no fill "gass"; did you mean "glass"?'),
+        ([], '[sun]\nmodel = "adaptive"\n', "sun.model: adaptive, where light is summed"),
+    ],
+)
+def test_bad_fills_are_refused(tmp_path, fills, more, message):
+    with pytest.raises(InputError) as error:
+        drcmitsuba.elements(case_of(tmp_path, more=more), fills)
+    assert message in str(error.value)
+
+
+def test_two_groups_of_one_pane_are_refused(tmp_path):
+    groups = '[groups.a]\npanes = ["glass"]\n[groups.b]\npanes = ["gla*"]\n'
+    with pytest.raises(InputError, match="belongs to a, too; name it once"):
+        drcmitsuba.elements(case_of(tmp_path, more=groups))
+
+
+def test_rooms_without_panes_are_refused(tmp_path):
+    shut = CASE.replace(STRIPS, STRIPS.replace("glass", "wall"))
+    (tmp_path / "shut.toml").write_text(shut)
+    with pytest.raises(InputError, match="no pane to the outside"):
+        drcmitsuba.elements(tmp_path / "shut.toml")
