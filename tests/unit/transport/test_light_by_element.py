@@ -135,6 +135,6 @@ def test_light_by_element_needs_openings():
 def test_more_elements_than_memory_holds_are_refused(monkeypatch):
     monkeypatch.setattr("drcmitsuba.transport.elements.simulate.MOST_BYTES", 10 << 20)
     with pytest.raises(
-        InputError, match="elements: 0.017 GiB for 6 openings with one fill each; 3 of them fit"
+        InputError, match=r"elements: 0\.017 GiB for 6 openings with one fill each; 3 of them fit"
     ):
         light_of(case())
