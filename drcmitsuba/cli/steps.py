@@ -119,28 +119,18 @@ def plot(
     Further ones are a mountain and a section of the mean illuminance, temporal maps (day × hour),
     and the path of the sun with the hours that close the shade.
     """
-    from drcmitsuba.case.case import Case
-    from drcmitsuba.case.reading import with_files
     from drcmitsuba.metrics import stored_arrays
     from drcmitsuba.report import figures, metrics_file, plots
     from drcmitsuba.report.year_figures import year_figures
-    from drcmitsuba.runtime import backend
-    from drcmitsuba.runtime.errors import InputError
-    from drcmitsuba.runtime.toml import checked
 
     points = [_numbers(text, 2, "--point", "X,Y") for text in point or ()]
     ends = None if section is None else _numbers(section, 4, "--section", "X,Y,X,Y")
     path, file = folder / "illuminance.nc", folder / "metrics.json"
     E = stored_arrays.loaded(path, stored_arrays.open_dataset(path, "total", "direct_sun"))
     numbers = metrics_file.read_numbers(file, E.sizes["sensor"])
-    known = {k: v for k, v in numbers["settings"].items() if k in Case.model_fields}
-    case = checked(Case, known, file)
-    if case.model is not None:
-        try:
-            case = with_files(case)
-            backend.select()
-        except InputError as error:
-            show_notes([f"the plans have no rooms, since the model cannot be read: {error}"])
+    case, error = metrics_file.case_of(numbers, file)
+    if error is not None:
+        show_notes([f"the plans have no rooms, since the model cannot be read: {error}"])
     line = None if ends is None else (ends[:2], ends[2:])
     drawn = figures.pictures(case, E, numbers)
     drawn |= year_figures(case, E, numbers, points=points, line=line)

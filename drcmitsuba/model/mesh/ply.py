@@ -23,7 +23,7 @@ from drcmitsuba.model.mesh.part import (
 )
 from drcmitsuba.model.mesh.text import line_of, numbers, text_of, whole_numbers
 from drcmitsuba.model.notes import Notes
-from drcmitsuba.model.source_file import size_of
+from drcmitsuba.model.source_file import opened, size_of
 from drcmitsuba.runtime.errors import InputError
 
 TYPES = {
@@ -54,23 +54,20 @@ class _Element:
 def read_ply(file: Path, notes: Notes) -> list[Part]:
     """The one part of a PLY file, whose name is that of the file."""
     size = size_of(file)
-    try:
-        with file.open("rb") as stream:
-            order, elements = _header(file, stream)
-            if order:
-                size_of(file, LARGEST)
-            read = _Binary(file, stream, order, size) if order else _Text(file, stream)
-            vertices, rings = np.empty((0, 3)), {}
-            for element in elements:
-                if element.name == "vertex":
-                    vertices = read.columns(element, ["x", "y", "z"])
-                elif element.name == "face":
-                    rings = read.lists(element)
-                    break  # what follows is not needed
-                else:
-                    read.columns(element, [])
-    except OSError as error:
-        raise InputError(file, "file", error.strerror or str(error), "check the path") from None
+    with opened(file) as stream:
+        order, elements = _header(file, stream)
+        if order:
+            size_of(file, LARGEST)
+        read = _Binary(file, stream, order, size) if order else _Text(file, stream)
+        vertices, rings = np.empty((0, 3)), {}
+        for element in elements:
+            if element.name == "vertex":
+                vertices = read.columns(element, ["x", "y", "z"])
+            elif element.name == "face":
+                rings = read.lists(element)
+                break  # what follows is not needed
+            else:
+                read.columns(element, [])
     check_vertices(file, vertices)
 
     def refuse(_: int, wrong: str) -> InputError:

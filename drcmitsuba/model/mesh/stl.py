@@ -17,7 +17,7 @@ from drcmitsuba.model.mesh.part import (
 )
 from drcmitsuba.model.mesh.text import numbers, statements, text_of
 from drcmitsuba.model.notes import Notes
-from drcmitsuba.model.source_file import read_bytes, size_of
+from drcmitsuba.model.source_file import opened, read_bytes, size_of
 from drcmitsuba.runtime.errors import InputError
 
 FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -28,11 +28,8 @@ HEADER = 84
 def read_stl(file: Path, notes: Notes) -> list[Part]:
     """Parts of an STL file: its solids. Corners decide on fronts, normals are left out."""
     size = size_of(file)
-    try:
-        with file.open("rb") as stream:
-            header = stream.read(HEADER)
-    except OSError as error:
-        raise InputError(file, "file", error.strerror or str(error), "check the path") from None
+    with opened(file) as stream:
+        header = stream.read(HEADER)
     count = int.from_bytes(header[80:HEADER], "little")
     if size == HEADER + count * FACET.itemsize:
         check_polygons(file, count)
