@@ -15,9 +15,8 @@ from drcmitsuba.model.mesh.part import (
     LARGEST,
     MOST_CORNERS,
     Part,
+    check_count,
     check_index,
-    check_polygons,
-    check_vertex_count,
     check_vertices,
     doubles,
 )
@@ -95,9 +94,9 @@ def _header(file: Path, stream: IO[bytes]) -> tuple[str, list[_Element]]:
             order = orders[words[1]]
         elif words[:1] == ["element"] and len(words) == 3 and words[2][:12].isdecimal():
             elements.append(_Element(words[1], int(words[2][:12])))
-            check_vertex_count(file, elements[-1].count)
+            check_count(file, "vertices", elements[-1].count)
             if words[1] == "face":
-                check_polygons(file, elements[-1].count)
+                check_count(file, "polygons", elements[-1].count)
         elif words[:1] == ["property"] and elements and len(words) == 3 and words[1] in TYPES:
             elements[-1].properties.append((words[-1], "", TYPES[words[1]]))
         elif words[:2] == ["property", "list"] and elements and len(words) == 5:
