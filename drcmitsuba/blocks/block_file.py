@@ -5,6 +5,7 @@ The archive is one file: it appears whole or not at all, and its CRC-32 of every
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import zipfile
@@ -19,8 +20,8 @@ from drcmitsuba.runtime import lazy, storage, zarr_folder
 
 numcodecs = lazy.module("numcodecs")
 
-UNREADABLE = (zipfile.BadZipFile, ValueError, KeyError, TypeError, RuntimeError, EOFError)
-"""Errors of a damaged archive."""
+UNREADABLE = (zipfile.BadZipFile, ValueError, KeyError, TypeError, RuntimeError, EOFError, OSError)
+"""Errors of a damaged archive; a place before its begin is an OSError, EINVAL."""
 HOLLOW, SMALL = 1000, 1 << 28
 """Largest ratio of an array's bytes to those of its file; bytes beyond which it holds."""
 
@@ -48,7 +49,9 @@ def read_block(path: Path, sizes: Mapping[str, int]) -> xr.Dataset | None:
     try:
         with zipfile.ZipFile(path) as archive:
             return _dataset(archive, sizes)
-    except UNREADABLE:
+    except UNREADABLE as error:
+        if isinstance(error, OSError) and error.errno != errno.EINVAL:
+            raise
         return None
 
 
@@ -57,7 +60,7 @@ def attributes_of(path: Path) -> dict[str, Any]:
     try:
         with zipfile.ZipFile(path) as archive:
             return dict(json.loads(archive.read(".zattrs")))
-    except (OSError, *UNREADABLE):
+    except UNREADABLE:
         return {}
 
 

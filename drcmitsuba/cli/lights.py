@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 from rich.markup import escape
 from rich.table import Table
 
-from drcmitsuba.cli.options import CaseName, Output, Weather, load, option
+from drcmitsuba.cli.options import CaseName, Output, Weather, lengths, load, option
 from drcmitsuba.cli.terminal import show, stages
-from drcmitsuba.runtime.errors import InputError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,7 +34,7 @@ def lights(
     from drcmitsuba.report.lights import of_period
     from drcmitsuba.runtime.storage import save_netcdf
 
-    points = [_numbers(text) for text in point or ()]
+    points = [lengths(text, (2, 3), "--point", "x,y or x,y,z") for text in point or ()]
     loaded = load(case, weather)
     known = output if (output / "illuminance.nc").is_file() else None
     if not points:
@@ -76,12 +75,3 @@ def _table(title: str, shares: xr.DataArray) -> Table:
         parts.append(of.sel(source="ground").sum())
         table.add_row(escape(str(window)), *(f"{float(v):.1f}" for v in parts))
     return table
-
-
-def _numbers(text: str) -> list[float]:
-    """Numbers of a point "x,y" or "x,y,z"."""
-    try:
-        return [float(v) for v in text.split(",")]
-    except ValueError:
-        got = f"{text!r} is no point"
-        raise InputError("command line", "--point", got, "give --point x,y in metres") from None

@@ -34,7 +34,7 @@ from drcmitsuba.cli import (
 )
 from drcmitsuba.cli.startup import with_kernels
 from drcmitsuba.runtime import interruption
-from drcmitsuba.runtime.errors import BackendError, InputError, on_a_line, was_stopped
+from drcmitsuba.runtime.errors import BackendError, InputError, is_caused_by, on_a_line, was_stopped
 
 app = typer.Typer(
     name="drcmitsuba",
@@ -94,13 +94,6 @@ def _root(
         print(context.get_help())
 
 
-def _is_closed_pipe(error: BaseException | None) -> bool:
-    """Whether nobody reads stdout any more; rich turns this error into an exit."""
-    while error is not None and not isinstance(error, BrokenPipeError):
-        error = error.__cause__ or error.__context__
-    return error is not None
-
-
 def main() -> None:
     """Run the command line and turn errors into one line and an exit code."""
     try:
@@ -113,7 +106,7 @@ def main() -> None:
     except (InputError, BackendError) as error:
         _exit(f"drcmitsuba: {error}\n", 2 if isinstance(error, InputError) else 1)
     except SystemExit as stop:
-        if not _is_closed_pipe(stop):
+        if not is_caused_by(stop, BrokenPipeError):  # nobody reads stdout, which rich makes an exit
             raise
     except Exception as error:
         if was_stopped(error):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -110,6 +111,17 @@ Scheduler = Annotated[
     option("ADDRESS", "Dask scheduler whose workers do the work: tcp://host:8786."),
 ]
 Depth = Annotated[int, option("NUMBER", "Levels of the tensor tree.")]
+
+
+def lengths(text: str, counts: tuple[int, ...], name: str, form: str) -> list[float]:
+    """Finite lengths [m] of an option such as "1,2", of one of these numbers."""
+    try:
+        numbers = [float(number) for number in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in counts or not all(map(math.isfinite, numbers)):
+        raise InputError("command line", name, repr(text), f"give {name} {form} in metres")
+    return numbers
 
 
 def film_path(path: Path | None) -> Path:

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 from drcmitsuba.cli.evaluate import metrics_tables
-from drcmitsuba.cli.options import CaseName, OptionalOutput, Output, Weather, argument, load, option
+from drcmitsuba.cli.options import (
+    CaseName,
+    OptionalOutput,
+    Output,
+    Weather,
+    argument,
+    lengths,
+    load,
+    option,
+)
 from drcmitsuba.cli.terminal import show, show_notes, stages
 
 
@@ -119,43 +127,20 @@ def plot(
     Further ones are a mountain and a section of the mean illuminance, temporal maps (day × hour),
     and the path of the sun with the hours that close the shade.
     """
-    from drcmitsuba.case.case import Case
-    from drcmitsuba.case.reading import with_files
     from drcmitsuba.metrics import stored_arrays
     from drcmitsuba.report import figures, metrics_file, plots
     from drcmitsuba.report.year_figures import year_figures
-    from drcmitsuba.runtime import backend
-    from drcmitsuba.runtime.errors import InputError
-    from drcmitsuba.runtime.toml import checked
 
-    points = [_numbers(text, 2, "--point", "X,Y") for text in point or ()]
-    ends = None if section is None else _numbers(section, 4, "--section", "X,Y,X,Y")
+    points = [lengths(text, (2,), "--point", "X,Y") for text in point or ()]
+    ends = None if section is None else lengths(section, (4,), "--section", "X,Y,X,Y")
     path, file = folder / "illuminance.nc", folder / "metrics.json"
     E = stored_arrays.loaded(path, stored_arrays.open_dataset(path, "total", "direct_sun"))
     numbers = metrics_file.read_numbers(file, E.sizes["sensor"])
-    known = {k: v for k, v in numbers["settings"].items() if k in Case.model_fields}
-    case = checked(Case, known, file)
-    if case.model is not None:
-        try:
-            case = with_files(case)
-            backend.select()
-        except InputError as error:
-            show_notes([f"the plans have no rooms, since the model cannot be read: {error}"])
+    case, error = metrics_file.case_of(numbers, file)
+    if error is not None:
+        show_notes([f"the plans have no rooms, since the model cannot be read: {error}"])
     line = None if ends is None else (ends[:2], ends[2:])
     drawn = figures.pictures(case, E, numbers)
     drawn |= year_figures(case, E, numbers, points=points, line=line)
     for picture in plots.save_all(drawn, folder):
         print(picture)
-
-
-def _numbers(text: str, count: int, name: str, form: str) -> list[float]:
-    """Finite numbers of an option such as "1,2", as many as its form has."""
-    from drcmitsuba.runtime.errors import InputError
-
-    try:
-        numbers = [float(number) for number in text.split(",")]
-    except ValueError:
-        numbers = []
-    if len(numbers) != count or not all(map(math.isfinite, numbers)):
-        raise InputError("command line", name, repr(text), f"give {name} {form} in metres")
-    return numbers

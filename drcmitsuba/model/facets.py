@@ -68,7 +68,7 @@ def polygon_quads(
     """
     if corners.shape[1] <= 4:
         return facet_quads(corners)
-    quads, polygon, left = convex_quads(corners)
+    quads, polygon, left = fans(corners)
     parts, polygons = [quads], [polygon]
     for k in left.tolist():
         try:
@@ -81,13 +81,16 @@ def polygon_quads(
     return np.concatenate(parts)[order], polygon[order]
 
 
-def convex_quads(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Cut those polygons of one number of corners that are planar and convex.
+def fans(corners: np.ndarray, starts: int = 1) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cut those polygons of one number of corners that are planar and seen whole from a corner.
 
     Parameters
     ----------
     corners : np.ndarray, shape (polygon, corner, 3)
-        Corners in turn, counter-clockwise from the front [m].
+        Three corners or more in turn, counter-clockwise from the front [m].
+    starts : int
+        Number of corners that are tried, from the first one on; convex polygons are seen whole from
+        any.
 
     Returns
     -------
@@ -96,33 +99,43 @@ def convex_quads(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarra
     polygon : np.ndarray of int, shape (quad,)
         Polygon that each quad is part of.
     left : np.ndarray of int
-        Polygons that are not convex, not planar, or without area.
+        Polygons that are not planar, without area, or seen whole from none of these corners.
     """
     n = corners.shape[1]
-    whole = have_area(corners) if n == 3 else np.zeros(len(corners), bool)
-    if n == 4:
-        whole = are_parallelograms(corners) & have_area(corners)
-    fan = ~whole & _are_convex(corners)
-    second = np.arange(2, n)
-    at = np.stack([0 * second, second - 1, second, second], axis=1)
-    quads = [corners[whole][:, [0, 1, 2, n - 1]], corners[fan][:, at].reshape(-1, 4, 3)]
-    polygon = [np.flatnonzero(whole), np.repeat(np.flatnonzero(fan), n - 2)]
-    return np.concatenate(quads), np.concatenate(polygon), np.flatnonzero(~whole & ~fan)
-
-
-def _are_convex(corners: np.ndarray) -> np.ndarray:
-    """Whether polygons (polygon, corner, 3) are planar and seen whole from their first corner."""
     spokes = corners[:, 1:] - corners[:, :1]
-    cross = _cross(spokes[:, :-1], spokes[:, 1:])
-    normal = cross.sum(axis=1)
+    normal = _cross(spokes[:, :-1], spokes[:, 1:]).sum(axis=1) / 2
     size = np.linalg.norm(normal, axis=1)
     extent = np.ptp(corners, axis=1).max(axis=1)
-    normal /= np.maximum(size, np.finfo(float).tiny)[:, None]
-    flat = np.abs(np.einsum("pcx,px->pc", spokes, normal)).max(axis=1) <= FLAT * extent
-    sine = np.einsum("pcx,px->pc", cross, normal)
-    cosine = (spokes[:, :-1] * spokes[:, 1:]).sum(axis=2)
-    once = np.arctan2(sine, cosine).sum(axis=1) < 2 * np.pi - 1e-6
-    return flat & once & (sine > SAME * extent[:, None] ** 2).all(axis=1)
+    normal /= np.where(size > 0, size, 1)[:, None]
+    step = np.abs(corners - np.roll(corners, 1, axis=1)).max(axis=2)
+    off = np.abs(np.einsum("pcx,px->pc", spokes, normal)).max(axis=1)
+    sound = (size > SAME * extent**2) & (off <= FLAT * extent)
+    sound &= (step > SAME * extent[:, None]).all(axis=1)
+    whole = sound & are_parallelograms(corners) if n == 4 else np.zeros(len(corners), bool)
+    parts, polygons = [corners[whole][:, [0, 1, 2, -1]]], [np.flatnonzero(whole)]
+    left = np.flatnonzero(sound & ~whole)
+    second = np.arange(2, n)
+    at = np.stack([0 * second, second - 1, second, second], axis=1)
+    for start in range(1 if n == 3 else min(starts, n)):
+        ring = np.roll(corners[left], -start, axis=1)
+        seen = _are_seen(ring, normal[left], SAME * extent[left] ** 2)
+        parts.append(ring[seen][:, at].reshape(-1, 4, 3))
+        polygons.append(np.repeat(left[seen], n - 2))
+        left = left[~seen]
+    polygon = np.concatenate(polygons)
+    return np.concatenate(parts), polygon, np.setdiff1d(np.arange(len(corners)), polygon)
+
+
+def _are_seen(corners: np.ndarray, normal: np.ndarray, least: np.ndarray) -> np.ndarray:
+    """Whether polygons (polygon, corner, 3) are seen whole from their first corner.
+
+    The triangles to it have twice the area `least` (polygon,) or more, and turn by less than 2π.
+    """
+    spokes = corners[:, 1:] - corners[:, :1]
+    across = np.einsum("pcx,px->pc", _cross(spokes[:, :-1], spokes[:, 1:]), normal)
+    along = (spokes[:, :-1] * spokes[:, 1:]).sum(axis=2)
+    turn = np.arctan2(across, along).sum(axis=1)
+    return np.asarray((across > least[:, None]).all(axis=1) & (turn < 2 * np.pi - 1e-6))
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
 from drcmitsuba.runtime.errors import InputError
 
@@ -27,11 +30,18 @@ def size_of(file: Path, largest: int = LARGEST) -> int:
     return state.st_size
 
 
-def read_bytes(file: Path, largest: int = LARGEST) -> bytes:
-    """Content of a file; InputError where it cannot be read or is larger than the largest [B]."""
-    size = size_of(file, largest)
+@contextmanager
+def opened(file: Path, largest: int = LARGEST) -> Iterator[IO[bytes]]:
+    """Open a file; InputError where it cannot be read or is larger than the largest [B]."""
+    size_of(file, largest)
     try:
         with file.open("rb") as stream:
-            return stream.read(size)
+            yield stream
     except OSError as error:
         raise InputError(file, "file", error.strerror or str(error), "check the path") from None
+
+
+def read_bytes(file: Path, largest: int = LARGEST) -> bytes:
+    """Content of a file; InputError where it cannot be read or is larger than the largest [B]."""
+    with opened(file, largest) as stream:
+        return stream.read(size_of(file, largest))

@@ -45,9 +45,8 @@ def read(file: Path) -> Picture:
     InputError
         The file is missing, too large, no whole picture, or has neither channels.
     """
-    size = source_file.size_of(file, MOST_PIXELS * 16)
-    with file.open("rb") as stream:
-        header = exr_header.read(stream.read(min(size, exr_header.LONGEST)), file)
+    with source_file.opened(file, MOST_PIXELS * 16) as stream:
+        header = exr_header.read(stream.read(exr_header.LONGEST), file)
     names = "RGB" if {"R", "G", "B"} <= header.channels.keys() else "Y"
     if not set(names) <= header.channels.keys():
         got = ", ".join(sorted(header.channels)) or "none"

@@ -32,8 +32,7 @@ def read(file: str | Path) -> Picture:
         The file is missing, too large for memory, of another format, or broken.
     """
     file = Path(file)
-    source_file.size_of(file, MOST_PIXELS * 16)
-    with file.open("rb") as stream:
+    with source_file.opened(file, MOST_PIXELS * 16) as stream:
         first = stream.read(4)
     if first.startswith(b"#?"):
         return hdr.read(file)

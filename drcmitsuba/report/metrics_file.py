@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, Field, ValidationError
 
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.reading import with_files
 from drcmitsuba.metrics import Interval
+from drcmitsuba.runtime import backend, storage
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import checked
 
 MAX_BYTES = 1 << 26
 
@@ -64,20 +67,33 @@ def read_numbers(file: Path, sensors: int) -> dict[str, Any]:
         The file is missing, is no JSON, lacks a number, or has another number of sensors.
     """
     remedy = "run evaluate again"
+    numbers = storage.load_json(file, "metrics", MAX_BYTES, remedy)
     try:
-        if file.exists() and not (file.is_file() and file.stat().st_size <= MAX_BYTES):
-            raise InputError(file, "metrics", "no plain file, or too large a one", remedy)
-        numbers = json.loads(file.read_text(encoding="utf-8"))
         read = Numbers.model_validate(numbers)
-    except InputError:
-        raise
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         got = f"{'.'.join(map(str, first['loc']))}, {first['msg'][:120]}"
         raise InputError(file, "metrics", got, remedy) from None
-    except (OSError, ValueError, RecursionError) as error:
-        raise InputError(file, "metrics", str(error)[:120], remedy) from None
     if any(u.sensor >= sensors for u in read.undecided):
         got = f"there are {sensors} sensors in illuminance.nc"
         raise InputError(file, "undecided", got, remedy)
     return {**numbers, **read.model_dump()}
+
+
+def case_of(numbers: dict[str, Any], file: Path) -> tuple[Case, InputError | None]:
+    """Case of an evaluation, and why its model cannot be read, if it cannot.
+
+    Raises
+    ------
+    InputError
+        The settings in the file make no case.
+    """
+    known = {k: v for k, v in numbers["settings"].items() if k in Case.model_fields}
+    case = checked(Case, known, file)
+    if case.model is not None:
+        try:
+            case = with_files(case)
+            backend.select()
+        except InputError as error:
+            return case, error
+    return case, None

@@ -53,6 +53,11 @@ class BackendError(RuntimeError):
 
 def was_stopped(error: BaseException | None) -> bool:
     """Whether Ctrl-C caused an error: Dr.Jit's loops turn KeyboardInterrupt into RuntimeError."""
-    while error is not None and not isinstance(error, KeyboardInterrupt):
+    return is_caused_by(error, KeyboardInterrupt)
+
+
+def is_caused_by(error: BaseException | None, kind: type[BaseException]) -> bool:
+    """Whether an error is of a kind, or came while one of this kind was handled."""
+    while error is not None and not isinstance(error, kind):
         error = error.__cause__ or error.__context__
     return error is not None

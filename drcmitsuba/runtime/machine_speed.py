@@ -25,9 +25,6 @@ class Speed:
     host: float = 1.0
 
 
-REFERENCE = Speed()
-
-
 @lru_cache(maxsize=1)
 def speed() -> Speed:
     """Measure the speed of this machine under its present load, in 0.15 s."""

@@ -11,6 +11,7 @@ import uuid
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import xarray as xr
@@ -100,6 +101,17 @@ def save_json(data: object, path: Path) -> None:
     """Write JSON; never leaves half a file at `path`. NaN raises ValueError."""
     text = json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False, default=str)
     save_text(text + "\n", path)
+
+
+def load_json(path: Path, what: str, most: int, remedy: str) -> Any:
+    """Read JSON; InputError where it is damaged, no plain file, or larger than `most` [bytes]."""
+    try:
+        if not path.exists() or (path.is_file() and path.stat().st_size <= most):
+            return json.loads(path.read_text(encoding="utf-8"))
+        got = "no plain file, or too large a one"
+    except (OSError, ValueError, RecursionError) as error:
+        got = str(error)[:120]
+    raise InputError(path, what, got, remedy)
 
 
 def save_csv(table: pd.DataFrame, path: Path) -> None:

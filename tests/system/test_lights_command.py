@@ -74,9 +74,9 @@ def test_command_writes_a_dataset_and_pictures(case, evaluated, monkeypatch, cap
     ("points", "line"),
     [
         (["9,9"], "no sensor within 1 m of 9, 9; the nearest one is at 3.2, 2.6, 0.8"),
-        (["here"], "'here' is no point; give --point x,y in metres"),
-        (["1"], "1; give x,y or x,y,z in metres"),
-        (["nan,1"], "nan, 1; give x,y or x,y,z in metres"),
+        (["here"], "--point: 'here'; give --point x,y or x,y,z in metres"),
+        (["1"], "--point: '1'; give --point x,y or x,y,z in metres"),
+        (["nan,1"], "--point: 'nan,1'; give --point x,y or x,y,z in metres"),
         (["1,1"] * 25, "25 points; give 1 to 24 of them"),
     ],
 )

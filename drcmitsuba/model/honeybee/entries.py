@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from drcmitsuba.model.source_file import LARGEST, size_of
+from drcmitsuba.model.source_file import LARGEST, opened, size_of
 from drcmitsuba.runtime.errors import InputError
 
 MOST_MEMORY = 2**30
@@ -141,17 +141,14 @@ def read_entry(file: Path) -> Entry:
     """Object that a JSON file holds; its memory is estimated before it is parsed."""
     size = size_of(file, LARGEST)
     parts, memory = [], 3 * size  # the file in parts, in one piece, and as text
-    try:
-        with file.open("rb") as stream:
-            while part := stream.read(2**20):
-                memory += sum(cost * part.count(mark) for mark, cost in MEMORY.items())
-                memory += 0 if part.isascii() else 3 * size  # four bytes a character
-                if memory > MOST_MEMORY:
-                    got = f"more than {MOST_MEMORY / 2**30:g} GiB of memory for its values"
-                    raise InputError(file, "size", got, "leave out or split large meshes and grids")
-                parts.append(part)
-    except OSError as error:
-        raise InputError(file, "file", error.strerror or str(error), "check the path") from None
+    with opened(file, LARGEST) as stream:
+        while part := stream.read(2**20):
+            memory += sum(cost * part.count(mark) for mark, cost in MEMORY.items())
+            memory += 0 if part.isascii() else 3 * size  # four bytes a character
+            if memory > MOST_MEMORY:
+                got = f"more than {MOST_MEMORY / 2**30:g} GiB of memory for its values"
+                raise InputError(file, "size", got, "leave out or split large meshes and grids")
+            parts.append(part)
     try:
         value = json.loads(b"".join(parts))
     except RecursionError:

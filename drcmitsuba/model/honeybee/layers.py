@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drcmitsuba.model.facets import convex_quads, facet_quads
+from drcmitsuba.model.facets import facet_quads, fans
 from drcmitsuba.model.honeybee.entries import Entry
 from drcmitsuba.model.honeybee.modifiers import Modifiers
 from drcmitsuba.model.honeybee.pieces import Piece
@@ -95,7 +95,7 @@ def quads_of_pieces(
         if corners.shape[1] < 3:
             others += alike
             continue
-        quads, polygon, left = convex_quads(corners)
+        quads, polygon, left = fans(corners)
         parts.append(quads)
         polygons.append(np.array(alike)[polygon])
         others += np.array(alike)[left].tolist()

@@ -18,9 +18,8 @@ from drcmitsuba.model.mesh.part import (
     LARGEST,
     Part,
     beside,
+    check_count,
     check_index,
-    check_polygons,
-    check_vertex_count,
     check_vertices,
     doubles,
 )
@@ -112,7 +111,7 @@ class _Scene:
             for primitive in mesh["primitives"]:
                 corners = self._triangles(primitive)
                 count += len(corners)
-                check_polygons(self.file, count)
+                check_count(self.file, "polygons", count)
                 corners = corners @ matrix[:3, :3].T + matrix[:3, 3]
                 if np.linalg.det(matrix[:3, :3]) < 0:
                     corners = corners[:, ::-1]
@@ -192,7 +191,7 @@ class _Scene:
             return np.empty((0, 3, 3))
         vertices = doubles(self._numbers(primitive["attributes"]["POSITION"], "VEC3"))
         self.vertices += len(vertices)
-        check_vertex_count(self.file, self.vertices)
+        check_count(self.file, "vertices", self.vertices)
         index = np.arange(len(vertices))
         if primitive.get("indices") is not None:
             index = self._numbers(primitive["indices"], "SCALAR")[:, 0].astype(np.int64)
@@ -216,7 +215,7 @@ class _Scene:
         size, count = SIZES[kind], of["count"]
         if not isinstance(count, int) or count < 0:
             raise _MalformedError(f"accessors[{accessor}]: count {count!r}")
-        check_vertex_count(self.file, count)
+        check_count(self.file, "vertices", count)
         step = view.get("byteStride") or size * item.itemsize
         start, length = view.get("byteOffset", 0), view["byteLength"]
         offset = of.get("byteOffset", 0)

@@ -13,10 +13,8 @@ from drcmitsuba.model.mesh.part import (
     MOST_CORNERS,
     Part,
     beside,
+    check_count,
     check_index,
-    check_parts,
-    check_polygons,
-    check_vertex_count,
     check_vertices,
 )
 from drcmitsuba.model.mesh.text import numbers, statements, text_of, whole_numbers
@@ -66,14 +64,14 @@ class _Mesh:
         if positions:
             self.vertices.append(numbers(self.file, positions, 3, "v"))
             self.count += len(positions)
-            check_vertex_count(self.file, self.count)
+            check_count(self.file, "vertices", self.count)
         if faces:
             self._add_faces(faces, np.array(at))
 
     def _part(self) -> int:
         names = tuple(dict.fromkeys(n for n in (self.material, self.group, self.object) if n))
         part = self.parts.setdefault(names, len(self.parts))
-        check_parts(self.file, part + 1)
+        check_count(self.file, "parts", part + 1)
         return part
 
     def _add_faces(self, faces: list[bytes], at: np.ndarray) -> None:
@@ -89,7 +87,7 @@ class _Mesh:
             index = np.where(index < 0, at[which, 1:] + index, index - 1)
             self.faces.setdefault(n, []).append((at[which, 0], index))
         total = sum(len(part) for faces in self.faces.values() for part, _ in faces)
-        check_polygons(self.file, total)
+        check_count(self.file, "polygons", total)
 
 
 def read_obj(file: Path, notes: Notes) -> list[Part]:

@@ -11,12 +11,8 @@ import numpy as np
 from drcmitsuba.model.materials import Reflectance
 from drcmitsuba.runtime.errors import InputError
 
-MOST_POLYGONS = 2_000_000
-"""Largest number of polygons of a mesh file."""
-MOST_VERTICES = 3 * MOST_POLYGONS
-"""Largest number of vertices of a mesh file."""
-MOST_PARTS = 50_000
-"""Largest number of parts of different material, group and object."""
+MOST = {"polygons": 2_000_000, "vertices": 6_000_000, "parts": 50_000}
+"""Largest numbers of a mesh file; its parts are of different material, group and object."""
 LARGEST = 512 * 2**20
 """Largest binary file that is read [B]."""
 MOST_CORNERS = 1000
@@ -37,25 +33,11 @@ class Part:
     """Diffuse reflectance that the file states; None where it states none [–]."""
 
 
-def check_polygons(file: Path, count: int) -> None:
-    """Raise InputError for more polygons than are read."""
-    if count > MOST_POLYGONS:
-        remedy = f"give a mesh of at most {MOST_POLYGONS} polygons"
-        raise InputError(file, "polygons", f"more than {MOST_POLYGONS}", remedy)
-
-
-def check_vertex_count(file: Path, count: int) -> None:
-    """Raise InputError for more vertices than are read."""
-    if count > MOST_VERTICES:
-        remedy = f"give a mesh of at most {MOST_VERTICES} vertices"
-        raise InputError(file, "vertices", f"more than {MOST_VERTICES}", remedy)
-
-
-def check_parts(file: Path, count: int) -> None:
-    """Raise InputError for a mesh in too many parts."""
-    if count > MOST_PARTS:
-        remedy = f"give at most {MOST_PARTS} groups and objects"
-        raise InputError(file, "parts", f"more than {MOST_PARTS}", remedy)
+def check_count(file: Path, what: str, count: int) -> None:
+    """Raise InputError for more polygons, vertices or parts than are read."""
+    if count > MOST[what]:
+        remedy = f"give a mesh of at most {MOST[what]} {what}"
+        raise InputError(file, what, f"more than {MOST[what]}", remedy)
 
 
 def doubles(values: np.ndarray) -> np.ndarray:

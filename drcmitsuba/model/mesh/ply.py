@@ -15,15 +15,14 @@ from drcmitsuba.model.mesh.part import (
     LARGEST,
     MOST_CORNERS,
     Part,
+    check_count,
     check_index,
-    check_polygons,
-    check_vertex_count,
     check_vertices,
     doubles,
 )
 from drcmitsuba.model.mesh.text import line_of, numbers, text_of, whole_numbers
 from drcmitsuba.model.notes import Notes
-from drcmitsuba.model.source_file import size_of
+from drcmitsuba.model.source_file import opened, size_of
 from drcmitsuba.runtime.errors import InputError
 
 TYPES = {
@@ -54,23 +53,20 @@ class _Element:
 def read_ply(file: Path, notes: Notes) -> list[Part]:
     """The one part of a PLY file, whose name is that of the file."""
     size = size_of(file)
-    try:
-        with file.open("rb") as stream:
-            order, elements = _header(file, stream)
-            if order:
-                size_of(file, LARGEST)
-            read = _Binary(file, stream, order, size) if order else _Text(file, stream)
-            vertices, rings = np.empty((0, 3)), {}
-            for element in elements:
-                if element.name == "vertex":
-                    vertices = read.columns(element, ["x", "y", "z"])
-                elif element.name == "face":
-                    rings = read.lists(element)
-                    break  # what follows is not needed
-                else:
-                    read.columns(element, [])
-    except OSError as error:
-        raise InputError(file, "file", error.strerror or str(error), "check the path") from None
+    with opened(file) as stream:
+        order, elements = _header(file, stream)
+        if order:
+            size_of(file, LARGEST)
+        read = _Binary(file, stream, order, size) if order else _Text(file, stream)
+        vertices, rings = np.empty((0, 3)), {}
+        for element in elements:
+            if element.name == "vertex":
+                vertices = read.columns(element, ["x", "y", "z"])
+            elif element.name == "face":
+                rings = read.lists(element)
+                break  # what follows is not needed
+            else:
+                read.columns(element, [])
     check_vertices(file, vertices)
 
     def refuse(_: int, wrong: str) -> InputError:
@@ -98,9 +94,9 @@ def _header(file: Path, stream: IO[bytes]) -> tuple[str, list[_Element]]:
             order = orders[words[1]]
         elif words[:1] == ["element"] and len(words) == 3 and words[2][:12].isdecimal():
             elements.append(_Element(words[1], int(words[2][:12])))
-            check_vertex_count(file, elements[-1].count)
+            check_count(file, "vertices", elements[-1].count)
             if words[1] == "face":
-                check_polygons(file, elements[-1].count)
+                check_count(file, "polygons", elements[-1].count)
         elif words[:1] == ["property"] and elements and len(words) == 3 and words[1] in TYPES:
             elements[-1].properties.append((words[-1], "", TYPES[words[1]]))
         elif words[:2] == ["property", "list"] and elements and len(words) == 5:

@@ -10,14 +10,13 @@ from drcmitsuba.model.facets import facet_quads, join
 from drcmitsuba.model.mesh.part import (
     LARGEST,
     Part,
-    check_parts,
-    check_polygons,
+    check_count,
     check_vertices,
     doubles,
 )
 from drcmitsuba.model.mesh.text import numbers, statements, text_of
 from drcmitsuba.model.notes import Notes
-from drcmitsuba.model.source_file import read_bytes, size_of
+from drcmitsuba.model.source_file import opened, read_bytes, size_of
 from drcmitsuba.runtime.errors import InputError
 
 FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -28,14 +27,11 @@ HEADER = 84
 def read_stl(file: Path, notes: Notes) -> list[Part]:
     """Parts of an STL file: its solids. Corners decide on fronts, normals are left out."""
     size = size_of(file)
-    try:
-        with file.open("rb") as stream:
-            header = stream.read(HEADER)
-    except OSError as error:
-        raise InputError(file, "file", error.strerror or str(error), "check the path") from None
+    with opened(file) as stream:
+        header = stream.read(HEADER)
     count = int.from_bytes(header[80:HEADER], "little")
     if size == HEADER + count * FACET.itemsize:
-        check_polygons(file, count)
+        check_count(file, "polygons", count)
         facets = np.frombuffer(read_bytes(file, LARGEST), FACET, count, HEADER)
         return [_part(file, "", doubles(facets["corners"]))]
     if not header.lstrip().lower().startswith(b"solid"):
@@ -57,7 +53,7 @@ def _read_text(file: Path) -> list[Part]:
             name, rows = text_of(body), []
         _add(file, corners, name, rows)
         count += sum(keyword.lower() == b"vertex" for keyword, _ in block)
-        check_polygons(file, count // 3)
+        check_count(file, "polygons", count // 3)
     solids = {name: np.concatenate(parts) for name, parts in corners.items()}
     if any(len(each) % 3 for each in solids.values()):
         raise InputError(file, "vertex", "a triangle without three", "export the mesh again")
@@ -70,7 +66,7 @@ def _add(
     """Add the corners of a solid in one block of the file, where it has any."""
     if rows:
         corners.setdefault(name, []).append(numbers(file, rows, 3, "vertex"))
-        check_parts(file, len(corners))
+        check_count(file, "parts", len(corners))
 
 
 def _part(file: Path, name: str, corners: np.ndarray) -> Part:

@@ -9,7 +9,7 @@ from typing import IO
 
 import numpy as np
 
-from drcmitsuba.model.source_file import size_of
+from drcmitsuba.model.source_file import opened
 from drcmitsuba.runtime.errors import InputError
 
 BLOCK = 2**22
@@ -28,19 +28,15 @@ def line_of(file: Path, stream: IO[bytes]) -> bytes:
 
 def blocks_of(file: Path) -> Iterator[bytes]:
     """Blocks of whole lines; a line that ends with a backslash is one with the next."""
-    size_of(file)
-    try:
-        with file.open("rb") as stream:
-            while block := stream.read(BLOCK):
-                block += line_of(file, stream)
-                while block.rstrip(b"\r\n").endswith(b"\\") and len(block) < 2 * BLOCK:
-                    more = line_of(file, stream)
-                    if not more:
-                        break
-                    block += more
-                yield re.sub(rb"\\\r?\n", b" ", block)
-    except OSError as error:
-        raise InputError(file, "file", error.strerror or str(error), "check the path") from None
+    with opened(file) as stream:
+        while block := stream.read(BLOCK):
+            block += line_of(file, stream)
+            while block.rstrip(b"\r\n").endswith(b"\\") and len(block) < 2 * BLOCK:
+                more = line_of(file, stream)
+                if not more:
+                    break
+                block += more
+            yield re.sub(rb"\\\r?\n", b" ", block)
 
 
 def statements(file: Path, keywords: str) -> Iterator[list[tuple[bytes, bytes]]]:

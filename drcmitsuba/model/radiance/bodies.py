@@ -11,6 +11,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from drcmitsuba.model.polygon import axes_across
+
 AROUND = 48
 """Number of corners of a circle."""
 BANDS = 24
@@ -19,10 +21,7 @@ BANDS = 24
 
 def _circle(axis: np.ndarray) -> np.ndarray:
     """Spokes (corner + 1, 3) of the unit circle about a unit vector, counter-clockwise, closed."""
-    least = np.eye(3)[np.argmin(np.abs(axis))]
-    u = np.cross(least, axis)
-    u /= np.linalg.norm(u)
-    v = np.cross(axis, u)
+    u, v = axes_across(axis)
     angle = 2 * np.pi * np.arange(AROUND + 1)[:, None] / AROUND
     spokes = np.cos(angle) * u + np.sin(angle) * v
     spokes[-1] = spokes[0]

@@ -10,7 +10,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from drcmitsuba.model.polygon import FLAT, SAME, NoAreaError, quads_of
+from drcmitsuba.model.facets import fans
+from drcmitsuba.model.polygon import NoAreaError, quads_of
 
 BLOCK = 20_000
 """Number of polygons that are cut together; bounds the memory that this takes."""
@@ -59,7 +60,9 @@ def cut(
             rings = corners[starts[block, None] + np.arange(count)]
             left = np.arange(len(block))
             if 3 <= count <= MOST_CORNERS:
-                left = _fans(rings, block, parts, index)
+                quads, polygon, left = fans(rings, starts=count)
+                parts.append(quads)
+                index.append(block[polygon])
             for i in left:
                 try:
                     quads = quads_of(rings[i])
@@ -74,44 +77,3 @@ def cut(
     polygon = np.concatenate([np.zeros(0, np.int64), *index])
     order = np.argsort(polygon, kind="stable")
     return quads[order], polygon[order]
-
-
-def _fans(
-    rings: np.ndarray, names: np.ndarray, parts: list[np.ndarray], index: list[np.ndarray]
-) -> np.ndarray:
-    """Cut what can be cut as a fan, and return the positions of the polygons that are left.
-
-    The polygons (polygon, corner, 3) have the indices `names`.
-    """
-    n = rings.shape[1]
-    moved = rings - rings[:, :1]
-    normal = np.cross(moved, np.roll(moved, -1, axis=1)).sum(axis=1) / 2
-    size = np.linalg.norm(normal, axis=1)
-    extent = np.ptp(rings, axis=1).max(axis=1)
-    normal /= np.where(size > 0, size, 1)[:, None]
-    step = np.abs(rings - np.roll(rings, 1, axis=1)).max(axis=2)
-    off = np.abs(np.einsum("pcx,px->pc", moved, normal)).max(axis=1)
-    sound = (size > SAME * extent**2) & (off <= FLAT * extent)
-    sound &= (step > SAME * extent[:, None]).all(axis=1)
-    left = np.flatnonzero(sound)
-    if n == 4:
-        gap = np.abs(rings[:, 0] - rings[:, 1] + rings[:, 2] - rings[:, 3]).max(axis=1)
-        whole = sound & (gap <= 1e-6 * extent)
-        parts.append(rings[whole])
-        index.append(names[whole])
-        left = np.flatnonzero(sound & ~whole)
-    for start in range(1 if n == 3 else n):
-        if not len(left):
-            break
-        ring = np.roll(rings[left], -start, axis=1)
-        spokes = ring[:, 1:] - ring[:, :1]
-        across = np.einsum("pcx,px->pc", np.cross(spokes[:, :-1], spokes[:, 1:]), normal[left])
-        along = np.einsum("pcx,pcx->pc", spokes[:, :-1], spokes[:, 1:])
-        turn = np.arctan2(across, along).sum(axis=1)
-        least = SAME * extent[left] ** 2
-        seen = (across > least[:, None]).all(axis=1) & (turn < 2 * np.pi - 1e-6)
-        at = np.stack([np.zeros(n - 2, int), np.arange(1, n - 1), *2 * [np.arange(2, n)]], axis=1)
-        parts.append(ring[seen][:, at].reshape(-1, 4, 3))
-        index.append(np.repeat(names[left[seen]], n - 2))
-        left = left[~seen]
-    return np.concatenate([left, np.flatnonzero(~sound)])

@@ -13,15 +13,13 @@ import xarray as xr
 
 from drcmitsuba import standards
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.reading import with_files
 from drcmitsuba.metrics.evaluate_metrics import settings_of
 from drcmitsuba.report.document.light_of_sensors import light_of_sensors
 from drcmitsuba.report.document.stored_lights import stored_lights
 from drcmitsuba.report.document.stored_pictures import Glare, stored_glare
-from drcmitsuba.report.metrics_file import read_numbers
-from drcmitsuba.runtime import backend
+from drcmitsuba.report.metrics_file import case_of, read_numbers
+from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.toml import checked
 from drcmitsuba.schema import luminance
 from drcmitsuba.standards import Evidence, Refusal, Verdict
 from drcmitsuba.standards.evidence import Evaluated
@@ -92,16 +90,11 @@ class Facade:
         evidence = Evidence.of_folder(folder)
         path = folder / "metrics.json"
         numbers = read_numbers(path, evidence.illuminance.sizes["sensor"])
-        known = {k: v for k, v in numbers["settings"].items() if k in Case.model_fields}
-        case = checked(Case, known, path)
+        case, error = case_of(numbers, path)
         _check_same(path, numbers["settings"], evidence, case)
         notes: tuple[str, ...] = ()
-        if case.model is not None:
-            try:
-                case = with_files(case)
-                backend.select()
-            except InputError:  # its text may quote a file that is not for the report's readers
-                notes = ("the plans have no rooms, since the model's files cannot be read here",)
+        if error is not None:  # its text may quote a file that is not for the report's readers
+            notes = ("the plans have no rooms, since the model's files cannot be read here",)
         plan = _plan(folder / "plan.json")
         lights, glare = stored_lights(folder, evidence.illuminance), stored_glare(folder)
         of_all = light_of_sensors(folder, evidence.illuminance)
@@ -154,14 +147,7 @@ def _plan(path: Path) -> dict[str, dict[str, Any]]:
     if not path.exists():
         return {}
     remedy = "run evaluate again"
-    try:
-        if not (path.is_file() and path.stat().st_size <= LARGEST_PLAN):
-            raise InputError(path, "plan", "no plain file, or too large a one", remedy)
-        plan = json.loads(path.read_text(encoding="utf-8"))
-    except InputError:
-        raise
-    except (OSError, ValueError, RecursionError) as error:
-        raise InputError(path, "plan", str(error)[:120], remedy) from None
+    plan = storage.load_json(path, "plan", LARGEST_PLAN, remedy)
     if not (isinstance(plan, dict) and all(isinstance(e, dict) for e in plan.values())):
         raise InputError(path, "plan", "no table of effects", remedy)
     return _effects(plan)

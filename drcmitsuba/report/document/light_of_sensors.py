@@ -8,10 +8,9 @@ from typing import TypedDict
 import numpy as np
 import xarray as xr
 
-from drcmitsuba.metrics.stored_arrays import loaded, open_dataset
 from drcmitsuba.report.document.packing import Packed, packed
 from drcmitsuba.report.document.table import text
-from drcmitsuba.report.lights import of_period
+from drcmitsuba.report.lights import REMEDY, of_period, read_lights
 from drcmitsuba.runtime.errors import InputError
 
 FILE = "light_of_sensors.nc"
@@ -42,28 +41,11 @@ def light_of_sensors(folder: Path, E: xr.Dataset) -> xr.Dataset | None:
     path = folder / FILE
     if not path.exists():
         return None
-    data = open_dataset(path, "exposure", "window", "source", "sensor")
-    remedy = "run drcmitsuba lights again"
-    light = data["exposure"]
-    if light.dims != DIMS or light.dtype.kind != "f":
-        raise InputError(path, "exposure", f"dims {light.dims}", remedy)
     most = {**MOST, "sensor": E.sizes["sensor"]}
-    if large := [d for d, n in most.items() if not 0 < light.sizes[d] <= n]:
-        raise InputError(path, large[0], f"{light.sizes[large[0]]} entries", remedy)
-    data = loaded(path, data[["exposure"]])
-    if data.attrs.get("settings") != E.attrs.get("settings"):
-        raise InputError(
-            path, "settings", "it is of another evaluation than illuminance.nc", remedy
-        )
-    fits = (
-        np.array_equal(data["sensor"].values, np.arange(E.sizes["sensor"]))
-        and {*data["source"].values} == {"ground", "sky", "sun"}
-        and data.attrs.get("by_evaluation") in (0, 1)
-        and np.isfinite(data["exposure"].values).all()
-        and float(data["exposure"].min()) > -1e-3
-    )
-    if not fits:
-        raise InputError(path, "exposure", "it holds no light of all sensors", remedy)
+    data = read_lights(path, E, {"exposure": DIMS}, most)
+    is_whole = np.array_equal(data["sensor"].values, np.arange(E.sizes["sensor"]))
+    if not is_whole or float(data["exposure"].min()) <= -1e-3:
+        raise InputError(path, "exposure", "it holds no light of all sensors", REMEDY)
     return data
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import io
-import json
 import warnings
 from dataclasses import dataclass
 from fnmatch import fnmatch
@@ -16,6 +15,7 @@ from pydantic import BaseModel, Field, ValidationError
 from drcmitsuba.metrics import Interval
 from drcmitsuba.report.document.labels import labels
 from drcmitsuba.report.document.table import Cell, Table, interval, plain, share, text
+from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 
 OWN = ("monthly.png", "[!g]*_plan.png", "lights_*.png", ".*")
@@ -108,13 +108,13 @@ def stored_glare(folder: Path) -> Glare | None:
     path = folder / "glare.json"
     if not path.exists():
         return None
+    remedy = "run drcmitsuba glare again"
+    content = storage.load_json(path, "glare", LARGEST_FILE, remedy)
     try:
-        if not path.is_file() or path.stat().st_size > LARGEST_FILE:
-            raise ValueError("no plain file, or too large a one")
-        return _Glare.model_validate(json.loads(path.read_text(encoding="utf-8"))).DGP
-    except (OSError, ValueError, RecursionError, ValidationError) as error:
+        return _Glare.model_validate(content).DGP
+    except ValidationError as error:
         got = str(error).splitlines()[0][:120]
-        raise InputError(path, "glare", got, "run drcmitsuba glare again") from None
+        raise InputError(path, "glare", got, remedy) from None
 
 
 def glare_table(glare: Glare, name: str) -> Table:

@@ -17,7 +17,7 @@ from tests.unit.glare_year.glare_room import case_in
 def counted(tmp_path, monkeypatch):
     """Seconds for some changes of the accuracy, on the reference machine."""
     backend.select()
-    monkeypatch.setattr(machine_speed, "speed", lambda: machine_speed.REFERENCE)
+    monkeypatch.setattr(machine_speed, "speed", lambda: machine_speed.Speed())
     case = case_in(tmp_path)
     light = daylight(case)
     looking, scope = eyes(case), plan(case, light).scope

@@ -1,5 +1,8 @@
 """Meshes of every kind: the same box has the same quads, names decide on materials."""
 
+import base64
+import json
+
 import numpy as np
 import pytest
 import trimesh
@@ -254,3 +257,60 @@ def test_links_in_a_circle_and_endless_names_are_no_file(tmp_path, name):
     path = obj(tmp_path, f"mtllib {name}\nusemtl wall\nf 1 2 3")
     notes = mesh.read(path, unit=1, materials=box.MATERIALS).notes
     assert "beside the file are left out" in notes[0]
+
+
+def square(folder, mode, index, **more):
+    """GlTF of a square of 1 m, whose corners are normalized whole numbers."""
+    corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.int16) * 32767
+    content = corners.tobytes() + np.array(index, "<u2").tobytes()
+    accessors = [
+        {"bufferView": 0, "componentType": 5122, "normalized": True, "count": 4, "type": "VEC3"},
+        {"bufferView": 1, "componentType": 5123, "count": len(index), "type": "SCALAR"},
+    ]
+    primitive = {"attributes": {"POSITION": 0}, "indices": 1, "mode": mode}
+    uri = "data:application/octet-stream;base64," + base64.b64encode(content).decode()
+    scene = {
+        "asset": {"version": "2.0"},
+        "extensionsRequired": ["KHR_mesh_quantization"],
+        "nodes": [{"mesh": 0, "name": "box"}],
+        "meshes": [{"primitives": [primitive]}],
+        "accessors": accessors,
+        "bufferViews": [
+            {"buffer": 0, "byteLength": 24},
+            {"buffer": 0, "byteOffset": 24, "byteLength": 2 * len(index)},
+        ],
+        "buffers": [{"byteLength": len(content), "uri": uri}],
+    }
+    path = folder / "square.gltf"
+    path.write_text(json.dumps(scene | more))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("mode", "index"),
+    [(4, [0, 1, 2, 0, 2, 3]), (5, [0, 1, 3, 2]), (6, [0, 1, 2, 3])],
+    ids=["triangles", "strip", "fan"],
+)
+@pytest.mark.parametrize("more", [{}, {"scenes": [{"nodes": [0]}]}], ids=["nodes", "scene"])
+def test_a_quantized_square_of_gltf_is_one_quad(tmp_path, mode, index, more):
+    (layer,) = mesh.read(square(tmp_path, mode, index, **more), materials=WALL).layers
+    (quad,) = layer.quads
+    np.testing.assert_allclose(area_vector(quad), [0, -1, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["obj", "ply"])
+def test_a_concave_pentagon_of_a_file_keeps_its_area(tmp_path, kind):
+    """A fan about its first corner has an area of 14 m²."""
+    corners = ["0 0 0", "4 0 0", "4 4 0", "2 1 0", "0 4 0"]
+    path = tmp_path / f"box.{kind}"
+    if kind == "obj":
+        path.write_text("".join(f"v {c}\n" for c in corners) + "usemtl box\nf 1 2 3 4 5\n")
+    else:
+        axes = "".join(f"property float {axis}\n" for axis in "xyz")
+        head = f"ply\nformat ascii 1.0\nelement vertex 5\n{axes}element face 1\n"
+        head += "property list uchar int vertex_indices\nend_header\n"
+        path.write_text(head + "\n".join(corners) + "\n5 0 1 2 3 4\n")
+    (layer,) = mesh.read(path, unit=1.0, materials=WALL).layers
+    areas = [area_vector(quad)[2] for quad in layer.quads]
+    assert min(areas) > 0
+    assert sum(areas) == pytest.approx(10)
