@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from drcmitsuba.sky import period as period
     from drcmitsuba.sky import weather as weather
     from drcmitsuba.transport import coefficients as coefficients
-    from drcmitsuba.transport.view_rays import view_distances as view_distances
+    from drcmitsuba.transport.windows.view_rays import view_distances as view_distances
 
 __version__ = "0.1.0"
 
@@ -69,7 +69,7 @@ _NAMES = {
     "period": "sky.period",
     "render": "rendering.frames:render",
     "shipped_cases": "case.shipped:shipped_cases",
-    "view_distances": "transport.view_rays:view_distances",
+    "view_distances": "transport.windows.view_rays:view_distances",
     "weather": "sky.weather",
 }
 _ROOMS = (

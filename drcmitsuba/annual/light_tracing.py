@@ -34,8 +34,8 @@ from drcmitsuba.scene.sensors import sensor_coordinates, sensor_points
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import Daylight, daylight
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.light_paths import by_window_and_bounce
-from drcmitsuba.transport.window_deposit import Window
+from drcmitsuba.transport.windows.deposit import Window
+from drcmitsuba.transport.windows.light_paths import by_window_and_bounce
 
 SOURCES = ("ground", "sky", "sun")
 MOST_STATES = 4

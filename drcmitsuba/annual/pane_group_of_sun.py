@@ -15,13 +15,13 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import BLOCKED, OPEN, State
 from drcmitsuba.case.sun import ThreePhase
 from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.runtime.launch_size import SENSORS
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.launch_size import SENSORS
-from drcmitsuba.transport.openings import in_rooms, within_of
-from drcmitsuba.transport.shadow_rays import RIM, sun_deposit
+from drcmitsuba.transport.rays.openings import in_rooms, within_of
+from drcmitsuba.transport.rays.shadow_rays import RIM, sun_deposit
 
 PATCH_WIDTH = 10.0
 """Angle across Tregenza's patches, roughly [deg]."""

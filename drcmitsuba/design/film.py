@@ -25,8 +25,8 @@ from drcmitsuba.design.film_bins import Bins
 from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
+from drcmitsuba.runtime.launch_size import SHADOW_RAYS
 from drcmitsuba.scene import materials
-from drcmitsuba.transport.launch_size import SHADOW_RAYS
 
 WITHIN = 4
 """Integration points of a lobe along each side of an outgoing cell and of a sky patch."""

@@ -40,11 +40,13 @@ from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.daylight import daylight as daylight_of
 from drcmitsuba.sky.luminances import luminances
 from drcmitsuba.transport.coefficients import estimate
-from drcmitsuba.transport.deposit import Deposit, Irradiance
-from drcmitsuba.transport.diffusing_panes import PanePatches, looks
-from drcmitsuba.transport.film_orientation import Mount
-from drcmitsuba.transport.films import Films
-from drcmitsuba.transport.openings import Within
+from drcmitsuba.transport.deposit import Deposit
+from drcmitsuba.transport.films.films import Films
+from drcmitsuba.transport.films.orientation import Mount
+from drcmitsuba.transport.light.irradiance import Irradiance
+from drcmitsuba.transport.panes.patches import PanePatches
+from drcmitsuba.transport.panes.transfer import looks
+from drcmitsuba.transport.rays.openings import Within
 
 CELL = "film_{:04d}"
 """Labels of outgoing cells among the bins."""

@@ -1,7 +1,8 @@
 r"""Light between the surfaces of a room as a function of their reflectances.
 
 Every ray ends on a surface that reflects diffusely, and a reflectance ρ is a factor of all rays
-that end on its surface. With the matrices of `transport.solved_cells`, traced at ρ′,
+that end on its surface. With the matrices of `transport.interreflection.solved_cells`, traced at
+ρ′,
 
 .. math:: G(\rho) = G_1 + G_1 P \, (1 - W T P)^{-1} \, W T, \qquad
           G_1 = \sum_k \frac{\rho_k}{\rho'_k} G_1^k, \quad T = \sum_k \frac{\rho_k}{\rho'_k} T^k,
@@ -18,10 +19,10 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.runtime.flat_arrays import flat, row_and_column
-from drcmitsuba.transport.cell_rays import sum_of_bounces
-from drcmitsuba.transport.gather_blocks import Met
-from drcmitsuba.transport.products import by_replicate
-from drcmitsuba.transport.solved_cells import Transfer
+from drcmitsuba.transport.gather.blocks import Met
+from drcmitsuba.transport.interreflection.cell_rays import sum_of_bounces
+from drcmitsuba.transport.interreflection.solved_cells import Transfer
+from drcmitsuba.transport.light.products import by_replicate
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ FRAMES = tuple(name.replace("wall", "frame") for name in WALLS)
 class Kinds:
     """Marks of rays: 1 + the number of the kind of surface that a ray ends on, 0 for all others.
 
-    It is a rule of `gather.Marks` for paths that end at their first diffuse vertex.
+    It is a rule of `gather.paths.Marks` for paths that end at their first diffuse vertex.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ class Kinds:
     def meet(
         self, si: mi.SurfaceInteraction3f, mark: mi.UInt32, number: mi.Float
     ) -> tuple[mi.BSDFPtr, mi.UInt32, mi.Float, mi.Bool, mi.Bool]:
-        """Mark a ray where it meets a surface of a kind; see `gather.Marks.meet`."""
+        """Mark a ray where it meets a surface of a kind; see `gather.paths.Marks.meet`."""
         for k, shape in enumerate(self.shapes, start=1):
             if shape is not None:
                 mark = dr.select(si.shape == shape, mi.UInt32(k), mark)

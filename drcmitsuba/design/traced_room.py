@@ -24,12 +24,13 @@ from drcmitsuba.schema import positions
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.luminances import blended
 from drcmitsuba.sky.sun_models import Blend
-from drcmitsuba.transport.cell_points import Draws
-from drcmitsuba.transport.deposit import Deposit, Irradiance
-from drcmitsuba.transport.diffusing_panes import PanePatches
-from drcmitsuba.transport.films import Films
-from drcmitsuba.transport.gather_blocks import Gathered
-from drcmitsuba.transport.solved_cells import solved
+from drcmitsuba.transport.cells.points import Draws
+from drcmitsuba.transport.deposit import Deposit
+from drcmitsuba.transport.films.films import Films
+from drcmitsuba.transport.gather.blocks import Gathered
+from drcmitsuba.transport.interreflection.solved_cells import solved
+from drcmitsuba.transport.light.irradiance import Irradiance
+from drcmitsuba.transport.panes.patches import PanePatches
 
 
 @dataclass(frozen=True)

@@ -40,9 +40,9 @@ from drcmitsuba.model.materials import (
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene.materials import bsdf, channel_of
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport import bsdf_lookup
-from drcmitsuba.transport.image_suns import ImageSuns
-from drcmitsuba.transport.planar_mirrors import MOST_IN_TURN
+from drcmitsuba.transport.mirrors.image_suns import ImageSuns
+from drcmitsuba.transport.mirrors.planar_mirrors import MOST_IN_TURN
+from drcmitsuba.transport.rays import bsdf_lookup
 
 MOST_SURFACES = 24
 """Largest number of surfaces on a chain."""

@@ -28,14 +28,14 @@ from drcmitsuba_plugins.sampling import disk_solid_angle, sample_disk
 from drcmitsuba.glare_year.chains import Ends
 from drcmitsuba.model.materials import MirrorMaterial
 from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.runtime.launch_size import SHADOW_RAYS
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.materials import bsdf
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.diffusing_panes import OFFSET
-from drcmitsuba.transport.film_peaks import STANDS_OUT
-from drcmitsuba.transport.launch_size import SHADOW_RAYS
-from drcmitsuba.transport.planar_mirrors import lobe_of
-from drcmitsuba.transport.shadow_rays import straight
+from drcmitsuba.transport.films.peaks import STANDS_OUT
+from drcmitsuba.transport.mirrors.planar_mirrors import lobe_of
+from drcmitsuba.transport.panes.patches import OFFSET
+from drcmitsuba.transport.rays.shadow_rays import straight
 
 SKY_SAMPLES = 512
 """Directions to ground and sky of every film end."""

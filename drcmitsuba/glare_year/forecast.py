@@ -23,9 +23,9 @@ from drcmitsuba.runtime import machine_speed
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.sky.daylight import Daylight
-from drcmitsuba.transport.photons import PATCH
-from drcmitsuba.transport.planar_mirrors import PlanarMirrors
-from drcmitsuba.transport.ports import ComponentPorts
+from drcmitsuba.transport.mirrors.planar_mirrors import PlanarMirrors
+from drcmitsuba.transport.photons.ports import ComponentPorts
+from drcmitsuba.transport.photons.tracer import PATCH
 
 POINTS = 1.15
 """Number of points of surfaces for each tile of the view, in furnished offices."""

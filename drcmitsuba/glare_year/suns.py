@@ -1,10 +1,10 @@
 """Suns as an eye sees them: the visible part of their disks, straight and in mirrors.
 
 A disk that is seen straight has directions of its own, and so has its image by each chain of planar
-mirrors, by exact geometry: see `transport.image_suns`. Where rays of the eye leave by way of other
-smooth mirrors or clear solids, their tiles are looked at with `FINEST`² rays each: those that end
-in the disk of a sun show its image, of the sun's luminance, at their place and with their solid
-angle.
+mirrors, by exact geometry: see `transport.mirrors.image_suns`. Where rays of the eye leave by way
+of other smooth mirrors or clear solids, their tiles are looked at with `FINEST`² rays each: those
+that end in the disk of a sun show its image, of the sun's luminance, at their place and with their
+solid angle.
 
 Limits: rough mirrors show no image. A ray at a clear solid is either reflected or refracted, by
 chance, so that an image is smaller instead of dimmer. An image of n rays has a solid angle that is
@@ -26,8 +26,8 @@ from drcmitsuba.glare_year.pixels import within
 from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import even_numbers
-from drcmitsuba.transport.image_suns import ImageSuns
-from drcmitsuba.transport.shadow_rays import straight
+from drcmitsuba.transport.mirrors.image_suns import ImageSuns
+from drcmitsuba.transport.rays.shadow_rays import straight
 
 spatial = lazy.module("scipy.spatial")
 

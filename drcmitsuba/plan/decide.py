@@ -17,7 +17,7 @@ from drcmitsuba.scene.materials import albedo, film, lets_through
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.scene import is_coloured
 from drcmitsuba.scene.sun_visibility import outside
-from drcmitsuba.transport.planar_mirrors import is_planar_mirror, is_rough_mirror
+from drcmitsuba.transport.mirrors.planar_mirrors import is_planar_mirror, is_rough_mirror
 
 
 def sky(facts: Facts) -> Effect:

@@ -11,7 +11,7 @@ from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import Surface, normals
 from drcmitsuba.scene.panes_of_model import side_name
 from drcmitsuba.scene.surfaces import surfaces_of
-from drcmitsuba.transport.planar_mirrors import (
+from drcmitsuba.transport.mirrors.planar_mirrors import (
     FAINT_TURN,
     MOST_IN_TURN,
     has_images,

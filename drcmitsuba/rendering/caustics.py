@@ -19,8 +19,8 @@ from drcmitsuba.rendering.surface_light import Sources
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.photon_light import Landed
-from drcmitsuba.transport.photons import PhotonTracer
+from drcmitsuba.transport.photons.light import Landed
+from drcmitsuba.transport.photons.tracer import PhotonTracer
 
 SKY_CELL, SUN_CELL = 0.15, 0.06
 """Edges of the cells for photons of the sky and of a sun [m]."""

@@ -21,10 +21,10 @@ from drcmitsuba_plugins.symbolic import symbolic
 from drcmitsuba.rendering.mirrored_sun import MirroredSun
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.bsdf_lookup import absorption, absorption_after, share_left
-from drcmitsuba.transport.gather import deviates
-from drcmitsuba.transport.planar_mirrors import NONE
-from drcmitsuba.transport.shadow_rays import straight
+from drcmitsuba.transport.gather.paths import deviates
+from drcmitsuba.transport.mirrors.planar_mirrors import NONE
+from drcmitsuba.transport.rays.bsdf_lookup import absorption, absorption_after, share_left
+from drcmitsuba.transport.rays.shadow_rays import straight
 
 MOST_SURFACES = 64
 """Largest number of mirrors and panes on a way to the eye."""

@@ -17,9 +17,10 @@ import numpy as np
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.deposit import Deposit
-from drcmitsuba.transport.diffusing_panes import Look, PanePatches, looks
-from drcmitsuba.transport.film_peaks import Peaks, take_out
-from drcmitsuba.transport.films import Films
+from drcmitsuba.transport.films.films import Films
+from drcmitsuba.transport.films.peaks import Peaks, take_out
+from drcmitsuba.transport.panes.patches import PanePatches
+from drcmitsuba.transport.panes.transfer import Look, looks
 
 
 @dataclass(frozen=True)

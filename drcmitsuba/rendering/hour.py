@@ -21,8 +21,8 @@ from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.schema import mean_and_error
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.film_peaks import peak_deposit
-from drcmitsuba.transport.shadow_rays import straight
+from drcmitsuba.transport.films.peaks import peak_deposit
+from drcmitsuba.transport.rays.shadow_rays import straight
 
 PEAK_RAYS = 4
 """Largest number of directions along the peaks of a film from each surface that a ray shows."""

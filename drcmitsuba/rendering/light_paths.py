@@ -29,14 +29,15 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.cell_points import Draws
-from drcmitsuba.transport.cells import Cells, Grid, Vertices
-from drcmitsuba.transport.gather import gather
-from drcmitsuba.transport.gather_blocks import Gathered, with_weights
-from drcmitsuba.transport.image_suns import ImageSuns
-from drcmitsuba.transport.openings import in_rooms
-from drcmitsuba.transport.solved_cells import solved
-from drcmitsuba.transport.sun_lobes import SunLobes
+from drcmitsuba.transport.cells.cells import Cells, Grid
+from drcmitsuba.transport.cells.points import Draws
+from drcmitsuba.transport.cells.vertices import Vertices
+from drcmitsuba.transport.gather.blocks import Gathered, with_weights
+from drcmitsuba.transport.gather.paths import gather
+from drcmitsuba.transport.interreflection.solved_cells import solved
+from drcmitsuba.transport.mirrors.image_suns import ImageSuns
+from drcmitsuba.transport.mirrors.sun_lobes import SunLobes
+from drcmitsuba.transport.rays.openings import in_rooms
 
 LANES = 1 << 18
 """Number of rays from the eye in one launch."""

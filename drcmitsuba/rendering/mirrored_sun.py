@@ -31,10 +31,10 @@ from drcmitsuba_plugins.sampling import disk_solid_angle, sample_disk
 from drcmitsuba.model.materials import MirrorMaterial
 from drcmitsuba.runtime.flat_arrays import flat_indices
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.bsdf_lookup import bsdfs, number, table
-from drcmitsuba.transport.image_suns import ImageSuns
-from drcmitsuba.transport.planar_mirrors import MOST_AXES, MOST_IN_TURN, NONE
-from drcmitsuba.transport.shadow_rays import straight
+from drcmitsuba.transport.mirrors.image_suns import ImageSuns
+from drcmitsuba.transport.mirrors.planar_mirrors import MOST_AXES, MOST_IN_TURN, NONE
+from drcmitsuba.transport.rays.bsdf_lookup import bsdfs, number, table
+from drcmitsuba.transport.rays.shadow_rays import straight
 
 BASE = MOST_AXES + 1
 OTHER = BASE**MOST_IN_TURN

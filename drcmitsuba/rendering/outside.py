@@ -16,8 +16,8 @@ from drcmitsuba.picture.view import PictureView
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.sky.daylight import Daylight, sky_luminance
-from drcmitsuba.transport.image_suns import ImageSuns
-from drcmitsuba.transport.shadow_rays import straight
+from drcmitsuba.transport.mirrors.image_suns import ImageSuns
+from drcmitsuba.transport.rays.shadow_rays import straight
 
 AZIMUTHS, ALTITUDES = 720, 181
 """Steps of the table of the sky, half a degree each."""

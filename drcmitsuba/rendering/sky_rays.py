@@ -21,7 +21,7 @@ from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.geometry import normals
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.shadow_rays import straight
+from drcmitsuba.transport.rays.shadow_rays import straight
 
 MOST_OPENINGS = 16
 """Largest number of openings that points are drawn on; with more, directions are drawn alone."""

@@ -21,9 +21,9 @@ from drcmitsuba.rendering.light_paths import Paths, TracedView
 from drcmitsuba.rendering.surface_light import SurfaceLight
 from drcmitsuba.runtime import zarr_folder
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.transport.cell_points import Draws
-from drcmitsuba.transport.cell_rays import Blocks
-from drcmitsuba.transport.solved_cells import OneBounce, Transfer
+from drcmitsuba.transport.cells.points import Draws
+from drcmitsuba.transport.interreflection.cell_rays import Blocks
+from drcmitsuba.transport.interreflection.solved_cells import OneBounce, Transfer
 
 KEPT = 1 << 30
 """Largest size of light paths that stay in memory [bytes]."""

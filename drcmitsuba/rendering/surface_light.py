@@ -21,14 +21,14 @@ from drcmitsuba.rendering.glow import Glow
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.cell_points import Draws
+from drcmitsuba.transport.cells.points import Draws
 from drcmitsuba.transport.deposit import Deposit
-from drcmitsuba.transport.diffusing_panes import PanePatches
-from drcmitsuba.transport.film_peaks import Peaks
-from drcmitsuba.transport.films import Films
-from drcmitsuba.transport.photons import PhotonTracer
+from drcmitsuba.transport.films.films import Films
+from drcmitsuba.transport.films.peaks import Peaks
+from drcmitsuba.transport.interreflection.solved_cells import Transfer
+from drcmitsuba.transport.panes.patches import PanePatches
+from drcmitsuba.transport.photons.tracer import PhotonTracer
 from drcmitsuba.transport.replicate import Replicates
-from drcmitsuba.transport.solved_cells import Transfer
 
 
 @dataclass(frozen=True)

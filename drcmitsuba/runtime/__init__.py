@@ -12,6 +12,8 @@ machine_speed
     Speed of this machine relative to the one on which costs were measured.
 progress
     Progress of long work.
+launch_size
+    Numbers of sensors, paths, photons and shadow rays in one launch.
 flat_arrays
     NumPy arrays on the device.
 storage, zarr_folder

@@ -1,7 +1,7 @@
 """Faces of a box room that are of one material, but for an aperture with panes and frames.
 
 A ray from within meets such a face in closed form, which takes a fraction of the time of a search
-among the triangles of walls (`transport.first_hit`).
+among the triangles of walls (`transport.rays.first_hit`).
 """
 
 from __future__ import annotations

@@ -32,20 +32,20 @@ from drcmitsuba.transport.coefficient_arrays import (
     Bins,
     Statistics,
     dark,
+    joined,
     with_values,
     without_values,
 )
 from drcmitsuba.transport.deposit import Deposit
-from drcmitsuba.transport.diffusing_panes import PanePatches
-from drcmitsuba.transport.films import Films
-from drcmitsuba.transport.gather_blocks import Gathered
-from drcmitsuba.transport.openings import within_of
-from drcmitsuba.transport.photon_light import FluxLedger, Landed
-from drcmitsuba.transport.photons import PhotonTracer
+from drcmitsuba.transport.films.films import Films
+from drcmitsuba.transport.gather.blocks import Gathered
+from drcmitsuba.transport.panes.patches import PanePatches
+from drcmitsuba.transport.photons.light import FluxLedger, Landed
+from drcmitsuba.transport.photons.tracer import PhotonTracer
+from drcmitsuba.transport.rays.openings import within_of
+from drcmitsuba.transport.rays.straight_suns import sensor_numbers
 from drcmitsuba.transport.replicate import Replicates
-from drcmitsuba.transport.sensor_blocks import joined
 from drcmitsuba.transport.shared_paths import SharedPaths
-from drcmitsuba.transport.straight_suns import sensor_numbers
 
 HELD = 1 << 29
 """Largest size of the light on cells in all replicates that stays in memory [bytes]."""

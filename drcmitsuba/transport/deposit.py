@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -27,45 +27,23 @@ from drcmitsuba.runtime.random_streams import (
     number_in_replicate,
 )
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.diffusing_panes import (
-    Acceptance,
-    PanePatches,
-    neumann_series,
-    pane_transfer,
-)
-from drcmitsuba.transport.film_looks import Looked
-from drcmitsuba.transport.film_peaks import peak_deposit
-from drcmitsuba.transport.films import EvenRows, Films, Lit
-from drcmitsuba.transport.image_suns import ImageSuns
-from drcmitsuba.transport.openings import Within, repeated_within, within_of
-from drcmitsuba.transport.products import by_replicate
-from drcmitsuba.transport.shadow_rays import Accepts, sky_deposit, sun_deposit
-from drcmitsuba.transport.straight_suns import FEWER, Disks
-from drcmitsuba.transport.sun_lobes import SunLobes
+from drcmitsuba.transport.films.films import EvenRows, Films, Lit
+from drcmitsuba.transport.films.looks import Looked
+from drcmitsuba.transport.films.peaks import peak_deposit
+from drcmitsuba.transport.light.irradiance import Irradiance
+from drcmitsuba.transport.mirrors.image_suns import ImageSuns
+from drcmitsuba.transport.mirrors.sun_lobes import SunLobes
+from drcmitsuba.transport.panes.acceptance import Acceptance
+from drcmitsuba.transport.panes.patches import PanePatches
+from drcmitsuba.transport.panes.transfer import neumann_series, pane_transfer
+from drcmitsuba.transport.rays.openings import Within, repeated_within, within_of
+from drcmitsuba.transport.rays.shadow_rays import Accepts, sky_deposit, sun_deposit
+from drcmitsuba.transport.rays.straight_suns import FEWER, Disks
 
 PEAK_RAYS = 8
 """Largest number of directions along the peaks of a film per pane point of a receiver."""
 ON_SENSORS, ON_CELLS = 16, 32
 """A sensor, and a cell, draw a direction from the lobe of a sun for so many of its pane points."""
-
-
-class Irradiance(NamedTuple):
-    """D [sr] of receivers: by ground and sky patches (receiver, bin), by suns (receiver, sun)."""
-
-    sky: mi.TensorXf
-    sun: mi.TensorXf
-
-    def plus(self, other: Irradiance | None) -> Irradiance:
-        """Sum of two irradiances; None adds nothing."""
-        return self if other is None else Irradiance(self.sky + other.sky, self.sun + other.sun)
-
-    def through(self, weights: mi.TensorXf, replicates: int) -> Irradiance:
-        """Light that receivers get, by their weights (replicate · receiver, part) of this light."""
-        return Irradiance(*(by_replicate(weights, part, replicates) for part in self))
-
-    def numpy(self) -> np.ndarray:
-        """All bins in one array (receiver, bin)."""
-        return np.concatenate([self.sky.numpy(), self.sun.numpy()], axis=1)
 
 
 @dataclass(frozen=True)

@@ -9,13 +9,14 @@ import drjit as dr
 import mitsuba as mi
 
 from drcmitsuba.runtime.random_streams import Key
-from drcmitsuba.transport.deposit import Deposit, Irradiance
-from drcmitsuba.transport.film_answers import SunCells, SunRadiance
-from drcmitsuba.transport.film_looks import Looked
-from drcmitsuba.transport.films import EvenRows, Films
-from drcmitsuba.transport.lit_cells import Reached
-from drcmitsuba.transport.openings import Within
-from drcmitsuba.transport.products import by_replicate, rows_of
+from drcmitsuba.transport.deposit import Deposit
+from drcmitsuba.transport.films.answers import SunCells, SunRadiance
+from drcmitsuba.transport.films.films import EvenRows, Films
+from drcmitsuba.transport.films.looks import Looked
+from drcmitsuba.transport.light.irradiance import Irradiance
+from drcmitsuba.transport.light.lit_cells import Reached
+from drcmitsuba.transport.light.products import by_replicate, rows_of
+from drcmitsuba.transport.rays.openings import Within
 
 
 class SunsOnFilm(NamedTuple):

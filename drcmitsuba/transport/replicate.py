@@ -10,18 +10,19 @@ import mitsuba as mi
 
 from drcmitsuba.runtime.flat_arrays import repeated
 from drcmitsuba.runtime.random_streams import Stream, number_in_replicate
-from drcmitsuba.transport.cell_points import Draws
-from drcmitsuba.transport.deposit import Deposit, Irradiance
-from drcmitsuba.transport.first_bounce import MANY, CellLight
-from drcmitsuba.transport.gather_blocks import Met
-from drcmitsuba.transport.lit_cells import Reached
-from drcmitsuba.transport.openings import Within, repeated_within
+from drcmitsuba.transport.cells.points import Draws
+from drcmitsuba.transport.deposit import Deposit
+from drcmitsuba.transport.gather.blocks import Met
+from drcmitsuba.transport.interreflection.first_bounce import MANY, CellLight
+from drcmitsuba.transport.interreflection.solved_cells import Followed, Transfer
+from drcmitsuba.transport.light.irradiance import Irradiance
+from drcmitsuba.transport.light.lit_cells import Reached
+from drcmitsuba.transport.light.products import PathMatrix, RayMatrix, product
 from drcmitsuba.transport.pane_light import FromPanes, by_panes, stacked
-from drcmitsuba.transport.photon_light import Landed
-from drcmitsuba.transport.products import PathMatrix, RayMatrix, product
-from drcmitsuba.transport.solved_cells import Followed, Transfer
-from drcmitsuba.transport.straight_suns import Disks, sensor_numbers
-from drcmitsuba.transport.sun_clusters import sun_tiles
+from drcmitsuba.transport.photons.light import Landed
+from drcmitsuba.transport.rays.openings import Within, repeated_within
+from drcmitsuba.transport.rays.straight_suns import Disks, sensor_numbers
+from drcmitsuba.transport.rays.sun_clusters import sun_tiles
 
 TOGETHER = 1 << 23
 """Largest number of values of D in one launch, 32 MiB: more take memory and no less time."""

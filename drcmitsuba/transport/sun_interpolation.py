@@ -19,7 +19,7 @@ from drcmitsuba.scene.scene import Scene
 from drcmitsuba.schema import describe, positions
 from drcmitsuba.sky.sun_models import Blend, Suns, mesh
 from drcmitsuba.transport.coefficients import compute
-from drcmitsuba.transport.straight_suns import straight_suns
+from drcmitsuba.transport.rays.straight_suns import straight_suns
 
 HELD_OUT = 48
 """Number of suns that only check the interpolation."""

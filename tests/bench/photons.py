@@ -19,8 +19,8 @@ from drcmitsuba.scene import scene
 from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficients import compute
-from drcmitsuba.transport.photons import PhotonTracer
-from drcmitsuba.transport.ports import of_suns
+from drcmitsuba.transport.photons.ports import of_suns
+from drcmitsuba.transport.photons.tracer import PhotonTracer
 from tests import radiance
 from tests.validation import lamella_room as room
 from tests.validation.radiance_photons import PhotonRoom, modifiers, receivers

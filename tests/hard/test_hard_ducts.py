@@ -13,9 +13,9 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.sensors import sensor_points
-from drcmitsuba.transport.photon_light import FluxLedger
-from drcmitsuba.transport.photon_paths import OFFSET
-from drcmitsuba.transport.photons import PhotonTracer
+from drcmitsuba.transport.photons.light import FluxLedger
+from drcmitsuba.transport.photons.paths import OFFSET
+from drcmitsuba.transport.photons.tracer import PhotonTracer
 from tests.validation import unfolded_duct
 
 

@@ -15,7 +15,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.bsdf_lookup import number
+from drcmitsuba.transport.rays.bsdf_lookup import number
 
 SUNS = Suns(("sun_a", "sun_b"), np.array([[0, -0.6, 0.8], [0.6, 0, 0.8]]))
 FEW = {"replicates": 2, "paths": 32, "sensor_sky_rays": 256, "photons": 256, "cell_sky_rays": 16}

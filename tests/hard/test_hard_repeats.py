@@ -16,16 +16,14 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport import (
-    coefficients,
-    film_answers,
-    gather_blocks,
-    interior,
-    photons,
-    products,
-    shadow_rays,
-)
-from drcmitsuba.transport.straight_suns import straight_suns
+from drcmitsuba.transport import coefficients
+from drcmitsuba.transport.films import answers as film_answers
+from drcmitsuba.transport.gather import blocks as gather_blocks
+from drcmitsuba.transport.interreflection import interior
+from drcmitsuba.transport.light import products
+from drcmitsuba.transport.photons import tracer as photons
+from drcmitsuba.transport.rays import shadow_rays
+from drcmitsuba.transport.rays.straight_suns import straight_suns
 from tests import ROOT, skips
 
 SAME = 1e-5

@@ -21,10 +21,10 @@ from drcmitsuba.scene.materials import bsdf
 from drcmitsuba.scene.meshes import quad_mesh
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.cells import Grid
+from drcmitsuba.transport.cells.cells import Grid
 from drcmitsuba.transport.coefficients import compute
-from drcmitsuba.transport.gather import gather
-from drcmitsuba.transport.straight_suns import straight_suns
+from drcmitsuba.transport.gather.paths import gather
+from drcmitsuba.transport.rays.straight_suns import straight_suns
 
 ROUNDING = 2e-6
 """Sums of thousands of equal float32 numbers are off by this much."""

@@ -16,10 +16,10 @@ from drcmitsuba.metrics.intervals.draw import _mean_illuminance
 from drcmitsuba.metrics.intervals.facade_draws import Closures
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene as scenes
-from drcmitsuba.transport import products
-from drcmitsuba.transport.film_sums import summed, widened
-from drcmitsuba.transport.products import RayMatrix
-from drcmitsuba.transport.shadow_rays import sky_deposit
+from drcmitsuba.transport.films.sums import summed, widened
+from drcmitsuba.transport.light import products
+from drcmitsuba.transport.light.products import RayMatrix
+from drcmitsuba.transport.rays.shadow_rays import sky_deposit
 
 ENOUGH = 1e-5
 """Relative error that is allowed, everywhere: far below any standard error."""

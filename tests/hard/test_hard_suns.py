@@ -17,7 +17,7 @@ from drcmitsuba.sky.period import Period
 from drcmitsuba.sky.sun import direction
 from drcmitsuba.sky.sun_models import mesh
 from drcmitsuba.sky.weather import Site
-from drcmitsuba.transport.shadow_rays import sun_deposit
+from drcmitsuba.transport.rays.shadow_rays import sun_deposit
 
 SITES = {
     "Barrow": Site("Barrow", 71.3, -156.8, -9.0, 10.0),

@@ -28,7 +28,7 @@ def run(case, folder):
     """The command, in a child; the number of blocks that it stored is written beside."""
     from drcmitsuba.blocks import block_folder
     from drcmitsuba.cli import evaluate
-    from drcmitsuba.transport import interior
+    from drcmitsuba.transport.interreflection import interior
 
     interior.SENSORS = SENSORS
     write_block, computed = block_folder.write_block, []

@@ -17,8 +17,9 @@ from drcmitsuba.annual.sensor_stream import aligned
 from drcmitsuba.metrics import facade_states
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky.daylight import daylight
-from drcmitsuba.transport import coefficients, elements, interior, replicate
-from drcmitsuba.transport.first_bounce import CellLight
+from drcmitsuba.transport import coefficients, elements, replicate
+from drcmitsuba.transport.interreflection import interior
+from drcmitsuba.transport.interreflection.first_bounce import CellLight
 from tests.system.small_room import SHADING, changed, run
 
 ALONE = '[output]\nilluminance = "metrics"\n[accuracy]'

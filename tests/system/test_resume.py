@@ -15,7 +15,7 @@ import xarray as xr
 from drcmitsuba.annual.saved_result import SavedResult
 from drcmitsuba.blocks import block_folder
 from drcmitsuba.runtime.folder_lock import locked
-from drcmitsuba.transport import interior
+from drcmitsuba.transport.interreflection import interior
 from tests import ROOT, skips
 from tests.system.small_room import changed, run
 

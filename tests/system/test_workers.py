@@ -22,7 +22,7 @@ from drcmitsuba.blocks.part import EVERY_BLOCK, Part
 from drcmitsuba.case.groups import OPEN
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky.daylight import daylight
-from drcmitsuba.transport import interior
+from drcmitsuba.transport.interreflection import interior
 from tests import ROOT, skips
 from tests.system.small_room import changed, run
 from tests.system.test_resume import TINY, assert_identical

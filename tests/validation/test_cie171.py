@@ -30,7 +30,7 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.sky.cie import CieSky, relative
-from drcmitsuba.transport.shadow_rays import sky_deposit
+from drcmitsuba.transport.rays.shadow_rays import sky_deposit
 from tests import skips
 
 SKIES = range(1, 17)

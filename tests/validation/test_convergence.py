@@ -41,11 +41,12 @@ from drcmitsuba.runtime.random_streams import Stream, launch_seed, number_in_rep
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.cells import Grid, Vertices
+from drcmitsuba.transport.cells.cells import Grid
+from drcmitsuba.transport.cells.vertices import Vertices
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.deposit import Deposit
-from drcmitsuba.transport.films import Films
-from drcmitsuba.transport.gather import gather
+from drcmitsuba.transport.films.films import Films
+from drcmitsuba.transport.gather.paths import gather
 from tests.validation.test_films import PRISM, towards
 
 BINS = len(Patches())

@@ -11,8 +11,8 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene.geometry import Surface, quad
 from drcmitsuba.scene.scene import build
-from drcmitsuba.transport.image_suns import ImageSuns
-from drcmitsuba.transport.shadow_rays import sun_deposit
+from drcmitsuba.transport.mirrors.image_suns import ImageSuns
+from drcmitsuba.transport.rays.shadow_rays import sun_deposit
 from tests import radiance, skips
 
 pytestmark = skips.RADIANCE.mark

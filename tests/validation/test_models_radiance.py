@@ -36,7 +36,7 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.geometry import origin
 from drcmitsuba.sky.daylight import daylight
-from drcmitsuba.transport.image_suns import ImageSuns
+from drcmitsuba.transport.mirrors.image_suns import ImageSuns
 from tests import SHARED, skips
 from tests.unit.export.radiance_text import matrix
 from tests.validation.test_export_radiance import REPEATS, TIMES, simulated

@@ -23,9 +23,9 @@ from drcmitsuba.model.materials import DielectricMaterial, Lambertian, MirrorMat
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.geometry import Port, Surface
-from drcmitsuba.transport import planar_mirrors
-from drcmitsuba.transport.photon_light import FluxLedger, Landed
-from drcmitsuba.transport.photons import PhotonTracer
+from drcmitsuba.transport.mirrors import planar_mirrors
+from drcmitsuba.transport.photons.light import FluxLedger, Landed
+from drcmitsuba.transport.photons.tracer import PhotonTracer
 from tests.validation import exact_optics as optics
 from tests.validation import lamella_room as room
 from tests.validation import unfolded_duct as duct

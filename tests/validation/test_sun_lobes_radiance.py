@@ -12,8 +12,8 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.scene.scene import build
-from drcmitsuba.transport.shadow_rays import sky_deposit, sun_deposit
-from drcmitsuba.transport.sun_lobes import SunLobes
+from drcmitsuba.transport.mirrors.sun_lobes import SunLobes
+from drcmitsuba.transport.rays.shadow_rays import sky_deposit, sun_deposit
 from tests import radiance, skips
 from tests.validation.test_image_suns_radiance import (
     DIAMETER,

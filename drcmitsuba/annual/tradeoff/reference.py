@@ -24,11 +24,11 @@ from drcmitsuba.case.sensors import Sensors
 from drcmitsuba.case.sun import TrueSun
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.runtime.launch_size import PATHS
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.sensors import sensor_coordinates, sensor_points
 from drcmitsuba.sky.daylight import daylight
-from drcmitsuba.transport.launch_size import PATHS
-from drcmitsuba.transport.shadow_rays import sun_deposit
+from drcmitsuba.transport.rays.shadow_rays import sun_deposit
 
 SUBDIVISION = 6
 """Reinhart's factor of the reference's sky: 5185 patches."""

@@ -20,6 +20,7 @@ from drcmitsuba_plugins.sampling import disk_solid_angle
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.groups import State
 from drcmitsuba.plan.planning import Plan
+from drcmitsuba.runtime import launch_size
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Draw, Stream, launch_seed
 from drcmitsuba.runtime.ray_counter import Purpose
@@ -27,17 +28,16 @@ from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.scene import Scene, load
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport import launch_size
-from drcmitsuba.transport.cell_rays import ROUNDS
-from drcmitsuba.transport.cells import Grid
+from drcmitsuba.transport.cells.cells import Grid
 from drcmitsuba.transport.coefficients import compute
-from drcmitsuba.transport.film_answers import SAMPLES
-from drcmitsuba.transport.film_orientation import Mount
-from drcmitsuba.transport.films import FEW_ROWS, Films
-from drcmitsuba.transport.gather import USUAL, expected_bounces, gather
-from drcmitsuba.transport.gather_blocks import KEPT
-from drcmitsuba.transport.photons import PATCH
-from drcmitsuba.transport.shadow_rays import sun_deposit
+from drcmitsuba.transport.films.answers import SAMPLES
+from drcmitsuba.transport.films.films import FEW_ROWS, Films
+from drcmitsuba.transport.films.orientation import Mount
+from drcmitsuba.transport.gather.blocks import KEPT
+from drcmitsuba.transport.gather.paths import USUAL, expected_bounces, gather
+from drcmitsuba.transport.interreflection.cell_rays import ROUNDS
+from drcmitsuba.transport.photons.tracer import PATCH
+from drcmitsuba.transport.rays.shadow_rays import sun_deposit
 from drcmitsuba.transport.shared_paths import SharedPaths
 
 INCIDENT = 0.2

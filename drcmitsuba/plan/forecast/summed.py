@@ -19,7 +19,7 @@ from drcmitsuba.plan.forecast.pilot import Amount, Pilot
 from drcmitsuba.scene.geometry import normals
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_in_state import grouped_panes
-from drcmitsuba.transport.gather import USUAL
+from drcmitsuba.transport.gather.paths import USUAL
 
 SPARSE = 4.0
 """Time of an entry of a sparse matrix over that of an entry of a full one."""

@@ -18,8 +18,8 @@ from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.luminances import sources
 from drcmitsuba.sky.sun_models import Suns, mesh
-from drcmitsuba.transport.cell_rays import EDGE, MOST_BLOCKS
-from drcmitsuba.transport.shadow_rays import RIM
+from drcmitsuba.transport.interreflection.cell_rays import EDGE, MOST_BLOCKS
+from drcmitsuba.transport.rays.shadow_rays import RIM
 from drcmitsuba.transport.sun_interpolation import HELD_OUT
 
 MESH_SUNS = 500

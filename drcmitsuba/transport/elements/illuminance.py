@@ -28,7 +28,7 @@ from drcmitsuba.transport.elements.marked_light import MarkedLight
 from drcmitsuba.transport.elements.scenes import Element
 from drcmitsuba.transport.elements.trace import Deposited, ElementTrace
 from drcmitsuba.transport.elements.weights import BESIDES, HOURS, Year
-from drcmitsuba.transport.marked_paths import MarkedPaths
+from drcmitsuba.transport.gather.marked_paths import MarkedPaths
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix

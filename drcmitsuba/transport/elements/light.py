@@ -24,7 +24,7 @@ from drcmitsuba.schema import mean_and_error
 from drcmitsuba.transport.coefficient_arrays import with_values, without_values
 from drcmitsuba.transport.elements.marked_light import MarkedLight
 from drcmitsuba.transport.elements.weights import BESIDES, Year, chosen
-from drcmitsuba.transport.marked_paths import MarkedVertices
+from drcmitsuba.transport.gather.marked_paths import MarkedVertices
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix

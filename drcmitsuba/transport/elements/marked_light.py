@@ -9,7 +9,7 @@ import numpy as np
 from drcmitsuba.runtime import lazy
 from drcmitsuba.transport.elements.marks import elements_of
 from drcmitsuba.transport.elements.weights import Year
-from drcmitsuba.transport.marked_paths import MarkedVertices, quick
+from drcmitsuba.transport.gather.marked_paths import MarkedVertices, quick
 
 sparse = lazy.module("scipy.sparse")
 

@@ -1,4 +1,4 @@
-"""Marks of gather paths that meet openings whose fill is left open: a `gather.Marks`.
+"""Marks of gather paths that meet openings whose fill is left open: a `gather.paths.Marks`.
 
 An *element* is an opening with one of its fills. At an opening one of its fills is drawn, and the
 element is stored in the path's mark. The throughput, which includes the inverse of the draw's
@@ -69,7 +69,7 @@ class OpeningMarks:
     def meet(
         self, si: mi.SurfaceInteraction3f, mark: mi.UInt32, number: mi.Float
     ) -> tuple[mi.BSDFPtr, mi.UInt32, mi.Float, mi.Bool, mi.Bool]:
-        """Draw the fill of an opening; see `gather.Marks.meet`."""
+        """Draw the fill of an opening; see `gather.paths.Marks.meet`."""
         mine = si.shape == self._panes
         quad = si.prim_index // 2
         count = dr.gather(mi.UInt32, self._count, quad, mine)

@@ -20,12 +20,12 @@ from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_in_state import GroupedPanes
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.deposit import Deposit
-from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.elements.weights import BESIDES
-from drcmitsuba.transport.films import Films
-from drcmitsuba.transport.image_suns import ImageSuns
-from drcmitsuba.transport.photons import PhotonTracer
-from drcmitsuba.transport.sun_lobes import SunLobes
+from drcmitsuba.transport.films.films import Films
+from drcmitsuba.transport.mirrors.image_suns import ImageSuns
+from drcmitsuba.transport.mirrors.sun_lobes import SunLobes
+from drcmitsuba.transport.panes.patches import PanePatches
+from drcmitsuba.transport.photons.tracer import PhotonTracer
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import HIDDEN, GroupStates
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
+from drcmitsuba.runtime.launch_size import PATHS, SENSORS
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
@@ -33,15 +34,14 @@ from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_in_state import grouped_panes, groups_with_surfaces
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.deposit import Irradiance
 from drcmitsuba.transport.elements.marks import MOST_ELEMENTS, OpeningMarks
 from drcmitsuba.transport.elements.scenes import Element, elements_of_case
-from drcmitsuba.transport.gather_blocks import Gathered
-from drcmitsuba.transport.launch_size import PATHS, SENSORS
-from drcmitsuba.transport.marked_paths import MarkedPaths
-from drcmitsuba.transport.openings import Within, within_of
+from drcmitsuba.transport.gather.blocks import Gathered
+from drcmitsuba.transport.gather.marked_paths import MarkedPaths
+from drcmitsuba.transport.light.irradiance import Irradiance
+from drcmitsuba.transport.rays.openings import Within, within_of
+from drcmitsuba.transport.rays.straight_suns import Disks, sensor_numbers
 from drcmitsuba.transport.replicate import Replicates
-from drcmitsuba.transport.straight_suns import Disks, sensor_numbers
 
 KEPT = 1 << 26
 """Largest number of pairs of sensors and suns whose disks are kept for further replicates."""

@@ -11,7 +11,7 @@ from drcmitsuba.runtime import lazy
 from drcmitsuba.schema import mean_and_error, positions
 from drcmitsuba.transport.coefficient_arrays import with_values, without_values
 from drcmitsuba.transport.facade_basis.facade import BITS, HITS, MOST_ELEMENTS, Palette, Tiles
-from drcmitsuba.transport.marked_paths import MarkedVertices
+from drcmitsuba.transport.gather.marked_paths import MarkedVertices
 
 sparse = lazy.module("scipy.sparse")
 

@@ -187,7 +187,7 @@ def _mirrors(material: SurfaceMaterial | None) -> bool:
 
 
 class Meetings:
-    """Marks of paths that meet tiles whose material is left open: a `gather.Marks`.
+    """Marks of paths that meet tiles whose material is left open: a `gather.paths.Marks`.
 
     At a tile one of its materials is drawn, and the element is stored in the path's mark, `BITS`
     for each of up to `HITS` meetings. The weight, which includes the inverse of the draw's
@@ -213,7 +213,7 @@ class Meetings:
     def meet(
         self, si: mi.SurfaceInteraction3f, mark: mi.UInt32, number: mi.Float
     ) -> tuple[mi.BSDFPtr, mi.UInt32, mi.Float, mi.Bool, mi.Bool]:
-        """Draw the material of a tile; see `gather.Marks.meet`."""
+        """Draw the material of a tile; see `gather.paths.Marks.meet`."""
         mine = si.shape == self._facade
         tile = dr.gather(mi.UInt32, self._tile, si.prim_index // 2, mine)
         count = dr.gather(mi.UInt32, self._count, tile, mine)

@@ -22,6 +22,7 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.model.materials import Lambertian
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.runtime.launch_size import PATHS
 from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.geometry import Surface, rotation
@@ -29,14 +30,14 @@ from drcmitsuba.scene.geometry import normals as unit_normals
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import Enclosure, surfaces_of
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.deposit import Deposit, Irradiance
+from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.facade_basis.basis import Basis, Returned
 from drcmitsuba.transport.facade_basis.facade import Meetings, Palette, Tiles
 from drcmitsuba.transport.facade_basis.tiling import Wall, wall_around
 from drcmitsuba.transport.facade_basis.views import Receivers, TiledRoom, scattered, straight
-from drcmitsuba.transport.gather_blocks import Gathered
-from drcmitsuba.transport.launch_size import PATHS
-from drcmitsuba.transport.marked_paths import MarkedPaths
+from drcmitsuba.transport.gather.blocks import Gathered
+from drcmitsuba.transport.gather.marked_paths import MarkedPaths
+from drcmitsuba.transport.light.irradiance import Irradiance
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix

@@ -21,10 +21,11 @@ from drcmitsuba.scene.materials import bsdf
 from drcmitsuba.scene.meshes import quad_mesh
 from drcmitsuba.scene.scene import Part, Scene
 from drcmitsuba.scene.surfaces import Enclosure
-from drcmitsuba.transport.deposit import Deposit, Irradiance
-from drcmitsuba.transport.diffusing_panes import PanePatches
+from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.facade_basis.facade import Palette, Tiles
-from drcmitsuba.transport.films import Films
+from drcmitsuba.transport.films.films import Films
+from drcmitsuba.transport.light.irradiance import Irradiance
+from drcmitsuba.transport.panes.patches import PanePatches
 
 
 class _AllWithin(Enclosure):

@@ -20,7 +20,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene import scene
 from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.shadow_rays import sky_deposit
+from drcmitsuba.transport.rays.shadow_rays import sky_deposit
 from tests.unit.design.film_room import (
     PRISM,
     PRISM_FILM,

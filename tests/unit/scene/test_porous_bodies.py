@@ -15,7 +15,7 @@ from drcmitsuba.scene import scene
 from drcmitsuba.scene.components import place
 from drcmitsuba.scene.materials import albedo, is_diffuse
 from drcmitsuba.scene.sun_visibility import SunVisibility
-from drcmitsuba.transport.shadow_rays import straight
+from drcmitsuba.transport.rays.shadow_rays import straight
 from tests.model_rooms import GLASS, case_of, layer, prism
 
 POROSITY = 0.6

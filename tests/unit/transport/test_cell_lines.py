@@ -8,7 +8,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
-from drcmitsuba.transport.cell_lines import STEPS, cuts, planes, standing
+from drcmitsuba.transport.cells.lines import STEPS, cuts, planes, standing
 
 
 def cells_of(cut, size):

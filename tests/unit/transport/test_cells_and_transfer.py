@@ -16,11 +16,12 @@ from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport import cell_rays, coefficients, replicate
-from drcmitsuba.transport.cell_points import Draws
-from drcmitsuba.transport.cells import Vertices
-from drcmitsuba.transport.gather_blocks import Gathered
-from drcmitsuba.transport.solved_cells import solved
+from drcmitsuba.transport import coefficients, replicate
+from drcmitsuba.transport.cells.points import Draws
+from drcmitsuba.transport.cells.vertices import Vertices
+from drcmitsuba.transport.gather.blocks import Gathered
+from drcmitsuba.transport.interreflection import cell_rays
+from drcmitsuba.transport.interreflection.solved_cells import solved
 
 SUNS = np.array([[0.2, -0.75, 0.5], [0.5, -0.5, 0.6]])
 SUNS = Suns(("sun_0", "sun_1"), SUNS / np.linalg.norm(SUNS, axis=1, keepdims=True), 5.0)

@@ -9,10 +9,10 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport import interior
-from drcmitsuba.transport.cells import Grid
+from drcmitsuba.transport.cells.cells import Grid
 from drcmitsuba.transport.coefficients import compute
-from drcmitsuba.transport.gather import gather
+from drcmitsuba.transport.gather.paths import gather
+from drcmitsuba.transport.interreflection import interior
 from tests.unit.transport.exact_scenes import (
     DIRECTIONS,
     DOWN,

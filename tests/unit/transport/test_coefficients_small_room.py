@@ -18,8 +18,8 @@ from drcmitsuba.scene.materials import bsdf
 from drcmitsuba.scene.meshes import quad_mesh
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import surfaces_of
-from drcmitsuba.transport import interior
 from drcmitsuba.transport.coefficients import compute
+from drcmitsuba.transport.interreflection import interior
 from tests.unit.transport.exact_scenes import (
     BENCH,
     CLOTH,

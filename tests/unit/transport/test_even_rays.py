@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from drcmitsuba.scene import scene as scenes
-from drcmitsuba.transport import even_rays
-from drcmitsuba.transport.even_rays import EvenRays
-from drcmitsuba.transport.openings import Openings
-from drcmitsuba.transport.seen_openings import runs
+from drcmitsuba.transport.rays import even_rays
+from drcmitsuba.transport.rays.even_rays import EvenRays, runs
+from drcmitsuba.transport.rays.openings import Openings
 from tests.unit.transport.exact_scenes import WINDOW, flat, glazing, room
 
 RAYS = 1024

@@ -11,9 +11,9 @@ from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport import solved_cells
 from drcmitsuba.transport.coefficients import compute
-from drcmitsuba.transport.interior import Interior
+from drcmitsuba.transport.interreflection import solved_cells
+from drcmitsuba.transport.interreflection.interior import Interior
 from tests.unit.transport.exact_scenes import plane
 
 UP = np.array([[0.0, 0.0, 1.0]])

@@ -20,11 +20,11 @@ from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.transport import coefficients, facade_basis
-from drcmitsuba.transport.cells import Grid
+from drcmitsuba.transport.cells.cells import Grid
 from drcmitsuba.transport.facade_basis import facade, simulate
 from drcmitsuba.transport.facade_basis.basis import Returned
 from drcmitsuba.transport.facade_basis.tiling import FRAME, material_at, wall_around
-from drcmitsuba.transport.gather import gather
+from drcmitsuba.transport.gather.paths import gather
 
 SIZE = [4.0, 5.0, 3.0]
 MATERIALS = {

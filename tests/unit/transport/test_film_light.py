@@ -10,13 +10,14 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.random_streams import Stream
 from drcmitsuba.scene import scene
 from drcmitsuba.sky.daylight import daylight
-from drcmitsuba.transport import film_answers, pane_light, replicate
-from drcmitsuba.transport import films as films_module
+from drcmitsuba.transport import pane_light, replicate
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.deposit import Deposit
-from drcmitsuba.transport.film_answers import EvenAnswer, SunCells, SunRadiance, disk_parts
-from drcmitsuba.transport.film_orientation import mounts
-from drcmitsuba.transport.films import Films
+from drcmitsuba.transport.films import answers as film_answers
+from drcmitsuba.transport.films import films as films_module
+from drcmitsuba.transport.films.answers import EvenAnswer, SunCells, SunRadiance, disk_parts
+from drcmitsuba.transport.films.films import Films
+from drcmitsuba.transport.films.orientation import mounts
 
 SUNS = np.array([[0.1, -0.7, 0.7], [0.6, -0.64, 0.48], [-0.5, -0.5, 0.7071], [0.3, 0.9, 0.316]])
 SUNS /= np.linalg.norm(SUNS, axis=1, keepdims=True)

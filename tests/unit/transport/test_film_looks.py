@@ -4,7 +4,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.transport.film_looks import Directions, Looked
+from drcmitsuba.transport.films.looks import Directions, Looked
 
 
 def directions(receiver, row, weight):

@@ -12,7 +12,7 @@ from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficients import compute
-from drcmitsuba.transport.film_orientation import mounts
+from drcmitsuba.transport.films.orientation import mounts
 from tests.unit.plugins.test_measured import xml
 
 SUN = np.array([[-0.3, -0.7, 0.65]]) / np.linalg.norm([0.3, 0.7, 0.65])

@@ -5,7 +5,7 @@ import numpy as np
 
 from drcmitsuba import load_case
 from drcmitsuba.scene import scene
-from drcmitsuba.transport.films import Films
+from drcmitsuba.transport.films.films import Films
 
 
 def test_receivers_that_see_no_film():

@@ -12,9 +12,9 @@ from drcmitsuba.runtime import backend
 @pytest.mark.parametrize(("sky", "suns"), [(146, 0), (1, 5), (3, 1)])
 def test_paths_gather_what_a_matrix_gathers(sky, suns, replicates):
     backend.select()
-    from drcmitsuba.transport.deposit import Irradiance
-    from drcmitsuba.transport.first_bounce import CellLight
-    from drcmitsuba.transport.gather_blocks import Met
+    from drcmitsuba.transport.gather.blocks import Met
+    from drcmitsuba.transport.interreflection.first_bounce import CellLight
+    from drcmitsuba.transport.light.irradiance import Irradiance
 
     rng = np.random.default_rng(sky)
     cells, sensors, paths = 50, 11, 6
@@ -42,6 +42,6 @@ def test_both_ways_to_gather_give_the_same_coefficients(monkeypatch):
     backend.select()
     case = Case.model_validate(CASE)
     by_matrix = of_case(case, cells=True)["replicates"].values
-    monkeypatch.setattr("drcmitsuba.transport.first_bounce.MANY", 0)
+    monkeypatch.setattr("drcmitsuba.transport.interreflection.first_bounce.MANY", 0)
     by_paths = of_case(case, cells=True)["replicates"].values
     np.testing.assert_allclose(by_paths, by_matrix, rtol=1e-5, atol=1e-7)

@@ -11,7 +11,7 @@ from drcmitsuba.scene import scene
 from drcmitsuba.scene.box_faces import BoxFaces
 from drcmitsuba.scene.geometry import Surface, quad
 from drcmitsuba.scene.surfaces import Enclosure
-from drcmitsuba.transport.first_hit import InBox
+from drcmitsuba.transport.rays.first_hit import InBox
 from tests.unit.transport.test_occluders import BANDS, ROOM, ROOMS
 
 FLAGS = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame

@@ -9,9 +9,9 @@ from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.scene.sensors import sensor_points
-from drcmitsuba.transport import gather as gather_module
-from drcmitsuba.transport.cells import Grid
-from drcmitsuba.transport.gather import ends_at_once, gather
+from drcmitsuba.transport.cells.cells import Grid
+from drcmitsuba.transport.gather import paths as gather_module
+from drcmitsuba.transport.gather.paths import ends_at_once, gather
 from tests.plain_gather import plain_gather
 
 MATERIALS = {

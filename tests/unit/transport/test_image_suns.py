@@ -8,7 +8,7 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene.geometry import Surface, quad
 from drcmitsuba.scene.scene import build
-from drcmitsuba.transport.image_suns import ImageSuns
+from drcmitsuba.transport.mirrors.image_suns import ImageSuns
 from tests.radiance import glass
 
 TAU = 0.9
@@ -211,7 +211,7 @@ def test_mirrors_that_face_each_other_at_no_distance_hide_each_other():
 def test_photons_leave_out_what_images_count():
     """A single mirror needs no photons; one before a rough mirror keeps those of further chains."""
     from drcmitsuba.scene.geometry import Port, reversed_quads
-    from drcmitsuba.transport.ports import ComponentPorts
+    from drcmitsuba.transport.photons.ports import ComponentPorts
 
     port = reversed_quads(SOUTH_GLASS[None])[0]
     alone = build([mirror("m", MIRROR, SOUTH_GLASS)], ports=(Port("m", port),))

@@ -9,9 +9,9 @@ from drcmitsuba.case.groups import OPEN, SHADED
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport import gather_blocks
 from drcmitsuba.transport.coefficients import compute
-from drcmitsuba.transport.interior import Interior, SharedInterior
+from drcmitsuba.transport.gather import blocks as gather_blocks
+from drcmitsuba.transport.interreflection.interior import Interior, SharedInterior
 from drcmitsuba.transport.shared_paths import SharedPaths
 
 EFFECTS = EnabledEffects(beyond=False, solved_cells=True)

@@ -13,10 +13,10 @@ from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_in_state import grouped_panes
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import surfaces_of
-from drcmitsuba.transport import light_paths
 from drcmitsuba.transport.coefficients import compute
-from drcmitsuba.transport.light_paths import BETWEEN_PANES, ELSEWHERE, by_window_and_bounce
-from drcmitsuba.transport.window_deposit import Window
+from drcmitsuba.transport.windows import light_paths
+from drcmitsuba.transport.windows.deposit import Window
+from drcmitsuba.transport.windows.light_paths import BETWEEN_PANES, ELSEWHERE, by_window_and_bounce
 from tests import ROOT
 from tests.unit.transport.exact_scenes import (
     BENCH,

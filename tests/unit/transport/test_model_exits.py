@@ -13,8 +13,8 @@ from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import coefficients
 from drcmitsuba.transport.coefficients import compute
-from drcmitsuba.transport.openings import in_rooms
-from drcmitsuba.transport.straight_suns import straight_suns
+from drcmitsuba.transport.rays.openings import in_rooms
+from drcmitsuba.transport.rays.straight_suns import straight_suns
 from tests.model_rooms import GLASS, case_of, l_room, layer, prism
 
 SUNS = np.random.default_rng(3).normal(size=(200, 3))

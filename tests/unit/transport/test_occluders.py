@@ -9,8 +9,9 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.geometry import quad
 from drcmitsuba.scene.surfaces import Enclosure
-from drcmitsuba.transport.diffusing_panes import PanePatches, pane_transfer
-from drcmitsuba.transport.shadow_rays import sky_deposit, sun_deposit
+from drcmitsuba.transport.panes.patches import PanePatches
+from drcmitsuba.transport.panes.transfer import pane_transfer
+from drcmitsuba.transport.rays.shadow_rays import sky_deposit, sun_deposit
 from tests.unit.transport.exact_scenes import flat
 
 ROOM = {

@@ -13,9 +13,9 @@ from drcmitsuba.model.materials import (
 )
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.geometry import Port, Surface, reversed_quads
-from drcmitsuba.transport import ports
-from drcmitsuba.transport.pane_ports import pane_ports, pane_sides
-from drcmitsuba.transport.photons import PhotonTracer
+from drcmitsuba.transport.photons import ports
+from drcmitsuba.transport.photons.pane_ports import pane_ports, pane_sides
+from drcmitsuba.transport.photons.tracer import PhotonTracer
 from tests import ROOT
 
 FILM = BsdfMaterial(type="bsdf", file=ROOT / "scenes" / "films" / "prism.xml")

@@ -8,8 +8,9 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.random_streams import Stream, number_in_replicate
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.transport.deposit import Deposit
-from drcmitsuba.transport.diffusing_panes import PanePatches, neumann_series, pane_transfer
-from drcmitsuba.transport.shadow_rays import sky_deposit
+from drcmitsuba.transport.panes.patches import PanePatches
+from drcmitsuba.transport.panes.transfer import neumann_series, pane_transfer
+from drcmitsuba.transport.rays.shadow_rays import sky_deposit
 from tests.unit.transport.exact_scenes import (
     DIRECTIONS,
     DOWN,

@@ -7,9 +7,9 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.model.materials import GlazingMaterial, Lambertian, MirrorMaterial
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.geometry import Port, Surface
-from drcmitsuba.transport import planar_mirrors
-from drcmitsuba.transport.photon_scene import PhotonScene
-from drcmitsuba.transport.photons import PhotonTracer
+from drcmitsuba.transport.mirrors import planar_mirrors
+from drcmitsuba.transport.photons.surfaces import PhotonScene
+from drcmitsuba.transport.photons.tracer import PhotonTracer
 
 
 @pytest.fixture(autouse=True)

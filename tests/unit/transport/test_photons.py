@@ -15,11 +15,11 @@ from drcmitsuba.scene.geometry import Port, Surface
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport import planar_mirrors
-from drcmitsuba.transport.cells import Grid
+from drcmitsuba.transport.cells.cells import Grid
 from drcmitsuba.transport.coefficients import compute
-from drcmitsuba.transport.photons import PhotonTracer
-from drcmitsuba.transport.receivers import CellAreas, Squares
+from drcmitsuba.transport.mirrors import planar_mirrors
+from drcmitsuba.transport.photons.receivers import CellAreas, Squares
+from drcmitsuba.transport.photons.tracer import PhotonTracer
 from tests import ROOT
 
 

@@ -9,14 +9,9 @@ import pytest
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
-from drcmitsuba.transport import products
-from drcmitsuba.transport.lit_cells import Reached
-from drcmitsuba.transport.products import (
-    Columns,
-    PathMatrix,
-    RayMatrix,
-    product,
-)
+from drcmitsuba.transport.light import products
+from drcmitsuba.transport.light.lit_cells import Reached
+from drcmitsuba.transport.light.products import Columns, PathMatrix, RayMatrix, product
 from tests.unit.transport.test_cells_and_transfer import closed_box
 
 ROWS, CELLS, BINS, REPLICATES = 5, 40, 7, 3

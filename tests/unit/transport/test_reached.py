@@ -10,9 +10,9 @@ from drcmitsuba.model.materials import Lambertian
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene.geometry import Surface, box
 from drcmitsuba.scene.scene import build
-from drcmitsuba.transport.cells import Grid
-from drcmitsuba.transport.reached import Reached
-from drcmitsuba.transport.receivers import CellAreas
+from drcmitsuba.transport.cells.cells import Grid
+from drcmitsuba.transport.photons.reached import Reached
+from drcmitsuba.transport.photons.receivers import CellAreas
 
 SIZE = np.array([3.0, 4.0, 2.5])
 POINTS = np.array([[1.0, 1, 0.8], [2.0, 3, 0.8]])

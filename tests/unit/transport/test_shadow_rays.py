@@ -14,8 +14,8 @@ from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.shadow_rays import sky_deposit, sun_deposit
-from drcmitsuba.transport.straight_suns import Disks, sliver, straight_suns
+from drcmitsuba.transport.rays.shadow_rays import sky_deposit, sun_deposit
+from drcmitsuba.transport.rays.straight_suns import Disks, sliver, straight_suns
 from tests.unit.transport.exact_scenes import (
     DIRECTIONS,
     DOWN,

@@ -14,13 +14,13 @@ from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport import planar_mirrors, shared_photons
-from drcmitsuba.transport.changing_panes import ChangingPanes
+from drcmitsuba.transport import shared_paths as shared_photons
 from drcmitsuba.transport.coefficients import compute
-from drcmitsuba.transport.photon_light import Lit, dense
-from drcmitsuba.transport.photons import PhotonTracer
-from drcmitsuba.transport.shared_paths import SharedPaths
-from drcmitsuba.transport.shared_photons import SharedPhotons
+from drcmitsuba.transport.mirrors import planar_mirrors
+from drcmitsuba.transport.photons.changing_panes import ChangingPanes
+from drcmitsuba.transport.photons.light import Lit, dense
+from drcmitsuba.transport.photons.tracer import PhotonTracer
+from drcmitsuba.transport.shared_paths import SharedPaths, SharedPhotons
 from tests import ROOT
 
 

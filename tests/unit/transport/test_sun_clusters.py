@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from drcmitsuba.scene import scene as scenes
-from drcmitsuba.transport import sun_clusters
-from drcmitsuba.transport.openings import Openings
-from drcmitsuba.transport.sun_clusters import CLUSTER, SunClusters, possible_pairs
+from drcmitsuba.transport.rays import sun_clusters
+from drcmitsuba.transport.rays.openings import Openings
+from drcmitsuba.transport.rays.sun_clusters import CLUSTER, SunClusters, possible_pairs
 from tests.unit.transport.exact_scenes import WINDOW, flat, glazing, room
 
 RNG = np.random.default_rng(11)

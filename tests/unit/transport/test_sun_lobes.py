@@ -10,8 +10,8 @@ from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene.geometry import Surface, quad
 from drcmitsuba.scene.materials import bsdf
 from drcmitsuba.scene.scene import build
-from drcmitsuba.transport.planar_mirrors import MOST_LOBES, imaged_components
-from drcmitsuba.transport.sun_lobes import SunLobes
+from drcmitsuba.transport.mirrors.planar_mirrors import MOST_LOBES, imaged_components
+from drcmitsuba.transport.mirrors.sun_lobes import SunLobes
 
 EAST, NORTH, UP = np.eye(3)
 DIAMETER, AGAIN = 0.533, 4096

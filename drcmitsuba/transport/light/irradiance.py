@@ -1,0 +1,29 @@
+"""Irradiance D of receivers by sky, ground and suns of unit radiance."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.transport.light.products import by_replicate
+
+
+class Irradiance(NamedTuple):
+    """D [sr] of receivers: by ground and sky patches (receiver, bin), by suns (receiver, sun)."""
+
+    sky: mi.TensorXf
+    sun: mi.TensorXf
+
+    def plus(self, other: Irradiance | None) -> Irradiance:
+        """Sum of two irradiances; None adds nothing."""
+        return self if other is None else Irradiance(self.sky + other.sky, self.sun + other.sun)
+
+    def through(self, weights: mi.TensorXf, replicates: int) -> Irradiance:
+        """Light that receivers get, by their weights (replicate · receiver, part) of this light."""
+        return Irradiance(*(by_replicate(weights, part, replicates) for part in self))
+
+    def numpy(self) -> np.ndarray:
+        """All bins in one array (receiver, bin)."""
+        return np.concatenate([self.sky.numpy(), self.sun.numpy()], axis=1)

@@ -1,0 +1,9 @@
+"""Mirrors: light that planar mirrors turn before it meets anything that scatters.
+
+planar_mirrors
+    Surfaces in which suns have images, and the turns that these take.
+image_suns
+    D by smooth mirrors: images of the suns by exact geometry, and the mirrored sky.
+sun_lobes
+    D by rough mirrors in few planes: lobes of the suns, and the sky.
+"""

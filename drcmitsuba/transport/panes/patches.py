@@ -1,0 +1,124 @@
+"""Patches that panes are cut into, and points on their faces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.scene.meshes import paired_mesh
+
+MOST_PATCHES = 1 << 19
+"""Largest number of patches."""
+OFFSET = 1e-4
+"""Distance of a face's points from the pane [m]."""
+
+
+@dataclass(frozen=True)
+class PanePatches:
+    """Patches that panes are cut into: parallelograms, or triangles of half their area.
+
+    Faces are numbered 2·patch for the front (towards the room) and 2·patch + 1 for the back.
+    """
+
+    corner: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+    """Corner and the two edges from it [m], shape (patch, 3) each."""
+    owner: np.ndarray
+    """Group of panes that the patch belongs to, int, shape (patch,)."""
+    triangular: np.ndarray
+    """Whether the patch is the triangle between its corner and the ends of the edges."""
+
+    @classmethod
+    def of(cls, groups: Sequence[np.ndarray], size: float) -> PanePatches:
+        """Cut groups of panes, (pane, 4, 3) each, into patches of about `size` [m].
+
+        A triangular pane, which repeats its last corner, becomes n² congruent triangles.
+
+        Raises
+        ------
+        InputError
+            The number of patches would exceed `MOST_PATCHES`.
+        """
+        parts, total = [], 0
+        for owner, quads in enumerate(groups):
+            for quad in quads:
+                corner, u, v = quad[0], quad[1] - quad[0], quad[3] - quad[0]
+                nu, nv = (max(1, round(float(np.linalg.norm(e)) / size)) for e in (u, v))
+                is_triangular = bool((quad[2] == quad[3]).all())
+                if is_triangular:
+                    nu = nv = max(nu, nv)
+                n = nu * nv
+                total += n
+                if total > MOST_PATCHES:
+                    got = f"more than {MOST_PATCHES} patches of {size:g} m on the panes"
+                    raise InputError("case", "accuracy.cell_size", got, "take larger cells")
+                i, j = (a.ravel()[:, None] for a in np.mgrid[:nu, :nv])
+                edges = np.tile(u / nu, (n, 1)), np.tile(v / nv, (n, 1))
+                start = corner + i * u / nu + j * v / nv
+                if is_triangular:  # the square (i, j) beyond the diagonal folds back onto it
+                    turned = i + j >= nu
+                    start = np.where(turned, corner + (nu - i) * u / nu + (nu - j) * v / nu, start)
+                    edges = (
+                        np.where(turned, -edges[0], edges[0]),
+                        np.where(turned, -edges[1], edges[1]),
+                    )
+                parts.append((start, *edges, np.full(n, owner), np.full(n, is_triangular)))
+        return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+    def __len__(self) -> int:
+        """Count the patches."""
+        return len(self.corner)
+
+    @cached_property
+    def normal(self) -> np.ndarray:
+        """Unit normal towards the room, shape (patch, 3)."""
+        n = np.cross(self.u, self.v)
+        return n / np.linalg.norm(n, axis=1, keepdims=True)
+
+    @cached_property
+    def scene(self) -> mi.Scene:
+        """Scene of the patches alone; primitives 2i and 2i + 1 are the triangles of patch i."""
+        c, u, v = self.corner, self.u, self.v
+        quads = np.stack([c, c + u, c + u + v, c + v], axis=1)
+        quads[self.triangular, 2] = quads[self.triangular, 3]
+        return mi.load_dict({"type": "scene", "patches": paired_mesh("patches", quads)})
+
+    @cached_property
+    def area(self) -> np.ndarray:
+        """Area of every patch, shape (patch,) [m²]."""
+        return np.linalg.norm(np.cross(self.u, self.v), axis=1) / (1 + self.triangular)
+
+    @cached_property
+    def _tables(self) -> tuple[mi.Float, mi.Float, mi.Float, mi.Bool]:
+        return flat(self.corner), flat(self.u), flat(self.v), mi.Bool(self.triangular)
+
+    def at(self, patch: mi.UInt32, a: mi.Float, b: mi.Float) -> mi.Point3f:
+        """Points of patches at uniform numbers a and b, spread evenly over the area."""
+        corner, u, v, triangular = self._tables
+        fold = dr.gather(mi.Bool, triangular, patch) & (a + b > 1)
+        a, b = dr.select(fold, 1 - a, a), dr.select(fold, 1 - b, b)
+        y = dr.gather(mi.Point3f, corner, patch)
+        return y + a * dr.gather(mi.Vector3f, u, patch) + b * dr.gather(mi.Vector3f, v, patch)
+
+    @property
+    def corners_of_faces(self) -> np.ndarray:
+        """Corners of what `face_points` draws from [m], shape (corner, 3)."""
+        ends = [self.corner + a * self.u + b * self.v for a in (0, 1) for b in (0, 1)]
+        return np.concatenate([p + side * OFFSET * self.normal for p in ends for side in (1, -1)])
+
+    def face_points(self, rng: np.random.Generator) -> tuple[mi.Float, mi.Float]:
+        """One random point and the outward normal of every face, three numbers each."""
+        uv = rng.random((2, len(self), 1))
+        a, b = np.where(self.triangular[:, None] & (uv.sum(axis=0) > 1), 1 - uv, uv)
+        p = self.corner + a * self.u + b * self.v
+        sides = np.array([1.0, -1.0])[None, :, None]
+        n = sides * self.normal[:, None]
+        return flat(p[:, None] + OFFSET * n), flat(n)

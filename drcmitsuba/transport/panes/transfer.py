@@ -1,0 +1,166 @@
+"""Deposit through scattering panes: light that meets one of them, or several in turn.
+
+A Lambertian pane turns the irradiance of its two faces into radiance, T·E of the far face and R·E
+of the near one, over π. Where T depends on the incidence, E of the outer face counts light by
+T(θ)/T, with T the mean; light from within the room counts by T. The pane is cut into patches, so
+that
+
+    D_b[receiver, bin] = Σ_face K[receiver, face] · E[face, bin],
+
+where K holds geometry, visibility and the pane's optics, and shadow rays from the faces give E.
+Light from pane to pane is the geometric series E = D_a + K' E.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+from drcmitsuba_plugins.sampling import TO_UNIT, random_bits
+
+from drcmitsuba.runtime.flat_arrays import add_at, flat, row_and_column
+from drcmitsuba.scene.scene import Scene
+from drcmitsuba.transport.panes.patches import OFFSET, PanePatches
+from drcmitsuba.transport.rays.even_rays import first_directions
+from drcmitsuba.transport.rays.openings import Openings, Within
+from drcmitsuba.transport.rays.shadow_rays import visibility
+
+
+class Look(NamedTuple):
+    """Directions from receivers to panes, one lane each.
+
+    `weight` is cos θ / (π · p), with p the sum of the densities of both ways to draw the direction
+    times `rays`, times the transmittance of clear panes in between; 0 where no pane is seen.
+    """
+
+    row: mi.UInt32
+    patch: mi.UInt32
+    d: mi.Vector3f
+    front: mi.Bool
+    weight: mi.Float
+
+
+def looks(
+    scene: Scene, patches: PanePatches, points: mi.Float, normals: mi.Float, *,
+    rays: int, seed: int, numbers: mi.UInt32 | None = None, within: Within = None,
+) -> tuple[Look, Look]:  # fmt: skip
+    """Directions from receivers to the patches, drawn in two ways.
+
+    Points on the panes and cosine-distributed directions are combined by the balance heuristic:
+    the first suit small and far panes, the second keep the estimate bounded close to a pane.
+
+    Parameters
+    ----------
+    points, normals : mi.Float
+        Receivers, three numbers each.
+    rays : int
+        Directions of each of the two kinds per receiver.
+    numbers, within : optional
+        As for `shadow_rays.sky_deposit`.
+
+    Returns
+    -------
+    tuple of Look
+        By points and by directions, lanes receiver · rays + index.
+    """
+    count = dr.width(points) // 3
+    normal = flat(patches.normal)
+    total_area = dr.opaque(mi.Float, float(patches.area.sum()))
+    many = dr.opaque(mi.Float, rays)
+    share = mi.DiscreteDistribution(flat(patches.area))
+    lane = dr.arange(mi.UInt32, count * rays)
+    row, index = row_and_column(lane, rays)
+    number = row if numbers is None else dr.gather(mi.UInt32, numbers, row)
+    a, b = (mi.Float(v >> 8) * TO_UNIT for v in random_bits(number, seed, index))
+    p = dr.gather(mi.Point3f, points, row)
+    n = dr.gather(mi.Normal3f, normals, row)
+    openings = Openings.of(scene, points, within)  # rays to its panes stay in a box
+
+    def look(patch: mi.UInt32, d: mi.Vector3f, distance: mi.Float, seen: mi.Bool) -> Look:
+        """Weigh directions drawn in either way."""
+        pane_normal = dr.gather(mi.Normal3f, normal, patch, seen)
+        cos_pane, cosine = dr.dot(pane_normal, -d), dr.dot(n, d)
+        seen = seen & (cosine > 0) & (cos_pane != 0)
+        # The ray ends before the pane, which may let straight light through as well.
+        before = mi.Ray3f(p, d, distance * (1 - 1e-4) - OFFSET, 0, [])
+        scene.ray_counter.add("pane", seen, dr.width(d))
+        tau = visibility(scene, before, seen, openings)
+        by_area = dr.square(distance) / (dr.abs(cos_pane) * total_area)
+        by_cosine = cosine * dr.inv_pi
+        weight = dr.select(tau > 0, by_cosine * tau / (many * (by_area + by_cosine)), 0)
+        return Look(row, dr.select(seen, patch, 0), d, cos_pane > 0, weight)
+
+    # Points on the panes.
+    stratum = (mi.Float(index) + a) / many
+    patch, u = share.sample_reuse(stratum)
+    y = patches.at(patch, u, b)
+    distance = dr.norm(y - p)
+    d = (y - p) / dr.maximum(distance, 1e-9)
+    by_point = look(patch, d, distance, mi.Bool(True))
+
+    # Directions by the cosine law.
+    d = mi.Frame3f(n).to_world(first_directions(index, number, seed))
+    hit = patches.scene.ray_intersect_preliminary(mi.Ray3f(p, d), coherent=False)
+    return by_point, look(hit.prim_index // 2, d, hit.t, hit.is_valid())
+
+
+def pane_transfer(
+    scene: Scene, patches: PanePatches, points: mi.Float, normals: mi.Float, *,
+    rays: int, seed: int, numbers: mi.UInt32 | None = None, within: Within = None,
+) -> mi.TensorXf:  # fmt: skip
+    """Irradiance at points per irradiance on the faces of panes that scatter evenly.
+
+    Parameters
+    ----------
+    patches : PanePatches
+        Patches of `scene.scattering`.
+    scene, points, normals, rays, seed, numbers, within
+        As for `looks`.
+
+    Returns
+    -------
+    mi.TensorXf, shape (receiver, face)
+        K, dimensionless.
+    """
+    count, faces = dr.width(points) // 3, 2 * len(patches)
+    out, stride = dr.zeros(mi.Float64, count * faces), dr.opaque(mi.UInt32, faces)
+    optics: list[Any] = [pane.material for pane in scene.scattering]
+    through = flat([optics[i].scattered for i in patches.owner])
+    back = flat([optics[i].reflectance for i in patches.owner])
+    every = looks(
+        scene, patches, points, normals, rays=rays, seed=seed, numbers=numbers, within=within
+    )
+    dr.eval([(look.row, look.patch, look.front, look.weight) for look in every])
+    for look in every:
+        seen = look.weight > 0
+        near = 2 * look.patch + dr.select(look.front, mi.UInt32(0), 1)
+        # The back reflects nothing, as in `materials.bsdf`.
+        for face, albedo, lit in ((near ^ 1, through, seen), (near, back, seen & look.front)):
+            value = look.weight * dr.gather(mi.Float, albedo, look.patch, lit)
+            add_at(out, mi.Float64(value), look.row * stride + face, lit & (value > 0))
+    dr.eval(out)
+    return mi.TensorXf(mi.Float(out), (count, faces))
+
+
+def neumann_series(between: mi.TensorXf, received: mi.TensorXf) -> mi.TensorXf:
+    """Irradiance of the faces with the light between panes, E = D_a + K' E.
+
+    Parameters
+    ----------
+    between : mi.TensorXf, shape (face, face)
+        K' from the faces to the faces.
+    received : mi.TensorXf, shape (face, bin)
+        D_a, straight from sky and suns [sr].
+
+    Returns
+    -------
+    mi.TensorXf, shape (face, bin)
+        E [sr].
+    """
+    result, term = received, received
+    while float(dr.max(term.array)[0]) > 1e-7 * max(1e-30, float(dr.max(result.array)[0])):
+        term = between @ term
+        result = result + term
+        dr.eval(result, term)
+    return result

@@ -1,0 +1,304 @@
+"""Deposit by photons: light that comes by mirrors, prisms, pipes, or by several panes in turn.
+
+Photons of every sun, the sky and the ground start on the ports of components. Each has its bin and
+is deposited in the cell of the first diffuse surface that it meets. Squares around the sensors
+record the photons that cross them. Per unit radiance of bin b,
+
+    D[cell, b] = Σ flux of the photons of b that land in it / area of the cell.
+
+Every path of light is counted once. A photon counts where no other estimator covers its chain: the
+chain begins with a deviation (anything but going straight through a pane) by the component of the
+photon's port, and it is not a film followed by diffusing panes, which the pane deposits cover. So
+straight light, and light that another component deviates first, does not count; where two ports of
+a component lie behind one another, light counts from the first.
+
+References
+----------
+.. [1] R. Schregle, "Development and integration of the Radiance photon map extension", Lucerne
+   University of Applied Sciences and Arts, 2015.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import ClassVar, NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from drcmitsuba_plugins.patches import Patches
+from drcmitsuba_plugins.sampling import streams
+
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.flat_arrays import flat_indices
+from drcmitsuba.runtime.launch_size import PHOTONS
+from drcmitsuba.runtime.progress import Progress, part
+from drcmitsuba.runtime.random_streams import Draw, Stream, launch_seed
+from drcmitsuba.scene.scene import Scene
+from drcmitsuba.transport.cells.cells import Grid
+from drcmitsuba.transport.photons.changing_panes import ChangingPanes
+from drcmitsuba.transport.photons.fluxes import FluxSums
+from drcmitsuba.transport.photons.light import CommonLight, FluxLedger, Landed, Light
+from drcmitsuba.transport.photons.pane_ports import pane_sides
+from drcmitsuba.transport.photons.paths import Recorder, Traits, follow
+from drcmitsuba.transport.photons.ports import ComponentPorts, PhotonSources, Start, of_sky, of_suns
+from drcmitsuba.transport.photons.reached import Reached
+from drcmitsuba.transport.photons.receivers import CellAreas, Squares
+from drcmitsuba.transport.photons.surfaces import PhotonScene
+
+SCATTER = 0x51CA77E5
+"""Distance between the seeds of photons and of the surfaces that scatter them."""
+_NO_PHOTONS = np.zeros(0, np.uint32)
+PATCH = 4
+"""Number of photons of a sky patch per photon of a sun: a patch counts in every hour."""
+
+
+@dataclass(frozen=True)
+class PhotonTracer:
+    """Photons of a scene."""
+
+    ports: tuple[ComponentPorts, ...]
+    """Ports of the components, and of the panes."""
+    areas: CellAreas
+    squares: Squares
+    suns: np.ndarray
+    """Unit vectors, shape (sun, 3)."""
+    diameter: float
+    """Angle across a sun [deg]."""
+    subdivision: int | None
+    """Reinhart's factor MF of the sky; None leaves out ground and sky."""
+    count: int
+    """Photons of a sun to each component in one replicate; a patch has `PATCH` times as many."""
+    surfaces: int
+    """Largest number of surfaces on a path."""
+    world: PhotonScene
+    """Surfaces that photons meet."""
+    imaged: bool = False
+    """Whether light by way of planar mirrors counts, which has exact images: see `image_suns`."""
+    lobed: bool = False
+    """Whether light by way of rough mirrors in few planes counts, see `sun_lobes`."""
+    panes: ChangingPanes | None = None
+    """Panes that other states change: light until they are met is kept for these states."""
+    APART: ClassVar[int] = 0x10001
+    """Distance between the seeds of the components."""
+
+    @classmethod
+    def of(
+        cls, scene: Scene, points: np.ndarray, normals: np.ndarray, suns: np.ndarray,
+        diameter: float, subdivision: int | None, accuracy: Accuracy, *, imaged: bool = False,
+        lobed: bool = False,
+    ) -> PhotonTracer | None:  # fmt: skip
+        """Prepare photons for sensors at points and for all cells; None without ports.
+
+        Raises
+        ------
+        InputError
+            No light can reach a component.
+        """
+        every_port = ComponentPorts.of(scene, imaged=imaged, lobed=lobed) if scene.followed else ()
+        if not every_port:
+            return None
+        # Behind a closed shade a component sees nothing straight: its light comes by way of panes.
+        for ports in () if pane_sides(scene, imaged=imaged) else every_port:
+            if not ports.sky_share().any():
+                got = "neither sky nor ground is seen from its ports"
+                remedy = "move it, or its ports, to where light comes from"
+                raise InputError("case", f"components.{ports.name}", got, remedy)
+        grid = Grid.of(scene, accuracy.cell_size)
+        seed = launch_seed(accuracy.seed, Stream.CELL_AREAS)
+        reached = None
+        if scene.near is not None and len(points) and scene.effects.depth != 0:
+            reached = Reached.of(scene, points, normals, grid, seed)
+        return cls(
+            every_port, CellAreas.of(scene, grid, seed, reached),
+            Squares.of(scene, points, normals, accuracy.sensor_square), suns, diameter,
+            subdivision, accuracy.photons, accuracy.photon_surfaces, PhotonScene.of(scene), imaged,
+            lobed,
+        )  # fmt: skip
+
+    @property
+    def patches(self) -> int:
+        """Number of bins of ground and sky."""
+        return len(Patches(self.subdivision)) if self.subdivision else 0
+
+    @property
+    def nbytes(self) -> int:
+        """Size of the sums of one kind of bins, where panes may change [bytes]."""
+        rows = len(self.areas) + 3 * len(self.squares.edge)
+        return 16 * rows * max(self.patches, len(self.suns))
+
+    def traced(
+        self, seed: int, progress: Progress = lambda share: None,
+        known: tuple[CommonLight, CommonLight] | None = None,
+    ) -> Landed:  # fmt: skip
+        """Trace all photons of a replicate: D of cells and sensors [sr].
+
+        Where light until they meet a pane is `known`, by the sky and by suns, from another state
+        and the same seed, only photons are followed that met one.
+        """
+        effects, every_sun = self.ports[0].scene.effects, np.ones(len(self.suns), bool)
+        ground_and_sky = [effects.ground, *[effects.sky] * (self.patches - 1)]
+        wanted = np.array(ground_and_sky[: self.patches], bool)
+        sky, suns = of_sky(self.subdivision or 1), of_suns(self.suns, self.diameter)
+        by_sky = self._landed(
+            _Kind(sky, Draw.SKY, wanted, PATCH * self.count, seed), part(progress, 0, 0.3),
+            None if known is None else known[0],
+        )  # fmt: skip
+        by_sun = self._landed(
+            _Kind(suns, Draw.SUN, every_sun, self.count, seed + 1), part(progress, 0.3, 1),
+            None if known is None else known[1],
+        )  # fmt: skip
+        ledgers = {
+            f"{ports.name} {name}": FluxLedger.of(by.fates[ports.name])
+            for ports in self.ports
+            for name, by in (("sky", by_sky), ("sun", by_sun))
+        }
+        common = None
+        if by_sky.common is not None and by_sun.common is not None:
+            common = by_sky.common, by_sun.common
+        return Landed(self.areas, (by_sky.light, by_sun.light), ledgers, common)
+
+    def _landed(self, kind: _Kind, progress: Progress, known: CommonLight | None) -> _OfKind:
+        """Trace the photons of one kind of bins from all ports."""
+        bins, panes_change = len(kind.wanted), self.panes is not None
+        sums = FluxSums.of(len(self.areas), len(self.squares.edge), bins, panes_change)
+        fates, met = dict[str, np.ndarray](), dict[str, np.ndarray]()
+        squares = Recorder(self.squares)
+        for i, ports in enumerate(self.ports):
+            ended = part(progress, i / len(self.ports), (i + 1) / len(self.ports))
+            some = None if known is None else known.met.get(ports.name)
+            source = _Source(self, kind, ports, kind.seed + self.APART * i)
+            mine = sums.without_fates()
+            by_pane = source.followed(some, squares, mine, ended)
+            fates[ports.name] = mine.by_fate(1 + panes_change, bins)
+            if ports.name:
+                met[ports.name] = by_pane
+        light = partial(Light.of, sums, self.areas.area, self.squares.edge, bins)
+        if known is not None:
+            every = {name: each[1] + known.fates.get(name, 0) for name, each in fates.items()}
+            return _OfKind(known.light.plus(light(1)), every)
+        every = {name: each.sum(axis=0) for name, each in fates.items()}
+        before = light(0)
+        if not panes_change:
+            return _OfKind(before, every)
+        early = {name: fates[name][0] for name in met}
+        common = CommonLight(before, met, early, kind.photons)
+        return _OfKind(before.plus(light(1)), every, common)
+
+
+class _OfKind(NamedTuple):
+    """Light of the photons of one kind of bins, and their fates."""
+
+    light: Light
+    fates: dict[str, np.ndarray]
+    """`FATES` and `COUNTS` by the name of the ports, shape (fate, bin)."""
+    common: CommonLight | None = None
+    """Light that other states share, where panes may change."""
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """Sky and ground, or suns."""
+
+    sources: PhotonSources
+    draw: Draw
+    wanted: np.ndarray
+    """Whether each bin sends photons, shape (bin,)."""
+    photons: int
+    """Number of photons of a bin from the ports of a component."""
+    seed: int
+
+
+@dataclass(frozen=True)
+class _Source:
+    """Photons of one kind of bins from the ports of one component."""
+
+    tracer: PhotonTracer
+    kind: _Kind
+    ports: ComponentPorts
+    seed: int
+
+    def followed(
+        self, some: np.ndarray | None, squares: Recorder, sums: FluxSums, progress: Progress
+    ) -> np.ndarray:
+        """Follow all photons, or `some` of them, and add their flux to `sums`.
+
+        Returns
+        -------
+        np.ndarray of uint32, shape (photon,)
+            Photons that met a pane that may change, as in `CommonLight.met`.
+        """
+        kind, ports, panes = self.kind, self.ports, self.tracer.panes
+        listed = panes is not None and bool(ports.name) and some is None
+        could = ports.could(kind.sources)[: len(kind.wanted)] * kind.wanted[:, None]
+        traits = Traits.of(ports, panes, self.tracer.imaged, self.tracer.lobed)
+        met, counter = [_NO_PHOTONS], ports.scene.ray_counter
+        with counter.purpose(Stream.PHOTONS.name, kind.draw.name, ports.name):
+            for share, seen, lane in self._launches(np.flatnonzero(could.any(axis=1)), some):
+                start = ports.start(
+                    kind.sources, seen, could[seen], kind.photons, self.seed, lane, panes
+                )
+                followed = self._follow(start, lane, traits, squares, sums)
+                met += self._numbers(start, lane, *followed) if listed else []
+                progress(share)
+            fates = sums.by_fate(1 if panes is None else 2, len(kind.wanted))
+            counter.take("photon", round(fates[:, -1].sum()))
+        return np.concatenate(met)
+
+    def _launches(
+        self, seen: np.ndarray, some: np.ndarray | None
+    ) -> Iterator[tuple[float, np.ndarray, mi.UInt32]]:
+        """Yield, for each launch, the share that is done after it, its bins, and its lanes."""
+        count = self.kind.photons
+        if some is None:
+            block = max(1, PHOTONS // count)
+            for first in range(0, len(seen), block):
+                here = seen[first : first + block]
+                yield (first + len(here)) / len(seen), here, dr.arange(mi.UInt32, len(here) * count)
+            return
+        place = np.zeros(len(self.kind.wanted), np.uint32)
+        place[seen] = np.arange(len(seen))
+        lanes = place[some // count] * count + some % count
+        for first in range(0, len(lanes), PHOTONS):
+            here = lanes[first : first + PHOTONS]
+            yield (first + len(here)) / len(lanes), seen, flat_indices(here)
+
+    def _follow(
+        self, start: Start, lane: mi.UInt32, traits: Traits, squares: Recorder, sums: FluxSums
+    ) -> tuple[mi.UInt32, mi.Bool]:
+        """Follow photons and add their flux; those with any, and whether each met a pane."""
+        tracer, kind = self.tracer, self.kind
+        dr.eval(*start)
+        lanes = dr.compress(start.flux > 0)
+        if not dr.width(lanes):
+            return lanes, mi.Bool()
+        some = Start(*(dr.gather(type(x), x, lanes) for x in start))
+        # Mitsuba's sampler is three times slower in a loop than the generator behind it.
+        number = dr.gather(mi.UInt32, mi.UInt32(kind.sources.numbers), some.bin)
+        index = self.ports.index(dr.gather(mi.UInt32, lane, lanes), kind.photons)
+        random = (streams(number, self.seed + apart, index) for apart in (0, SCATTER))
+        tracer.areas.grid.prepare()
+        sizes = len(kind.wanted), tracer.surfaces
+        by_pane = follow(
+            tracer.world, traits, tracer.areas, squares, some, sums,
+            *(dr.opaque(mi.UInt32, size) for size in sizes), *random,
+        )  # fmt: skip
+        dr.eval(by_pane, *sums)  # together: each alone would follow all photons again
+        return lanes, by_pane
+
+    def _numbers(
+        self, start: Start, lane: mi.UInt32, followed: mi.UInt32, by_pane: mi.Bool
+    ) -> Iterator[np.ndarray]:
+        """Yield the numbers of photons that met a pane, and of those to which panes stop light."""
+        count = dr.opaque(mi.UInt32, self.kind.photons)
+        dark = start.by_pane & (start.flux <= 0)  # they may be bright in another state
+        met = [dr.compress(dark)]
+        if dr.width(followed):
+            met.append(dr.gather(mi.UInt32, followed, dr.compress(by_pane)))
+        for at in met:
+            if dr.width(at):
+                bins, index = (dr.gather(mi.UInt32, x, at) for x in (start.bin, lane))
+                yield (bins * count + index % count).numpy()

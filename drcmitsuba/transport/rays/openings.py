@@ -1,0 +1,223 @@
+"""Openings of a room, and which directions from which points may leave it by them.
+
+A box tells which points lie in it. Of a room of any shape the sensors are told by rays: none leaves
+it where its panes count as walls. What paths from there meet before they pass a pane is in it, too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple, TypeAlias
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.runtime.flat_arrays import flat, repeated, row_and_column, vectors_of
+from drcmitsuba.runtime.launch_size import SHADOW_RAYS
+from drcmitsuba.runtime.random_streams import even_numbers
+from drcmitsuba.scene.geometry import normals
+from drcmitsuba.scene.scene import Scene
+
+SLACK = 1e-3
+"""Width by which openings count as larger on all sides, in doubt [m]."""
+RAYS = 256
+"""Number of rays by which a point is found to lie in a room of a model."""
+
+
+Within: TypeAlias = "mi.Bool | bool | None"
+"""Whether receivers lie in the room: all of them in a box, each one in the rooms of a model;
+None where nobody knows. Looking it up on the device waits for all that is being computed."""
+
+
+def has_shapeless_rooms(scene: Scene) -> bool:
+    """Whether only paths tell which points lie in the rooms of a scene."""
+    room = scene.enclosure
+    return room is not None and room.spares and room.exits is not None
+
+
+def in_rooms(scene: Scene, points: np.ndarray) -> np.ndarray | None:
+    """Whether points (point, 3) lie in the rooms of a model, shape (point,); None for other scenes.
+
+    No ray from such a point leaves the surfaces, all panes included.
+    """
+    if not has_shapeless_rooms(scene):
+        return None
+    block = SHADOW_RAYS // RAYS
+    closed = [_is_closed_in(scene, points[i : i + block]) for i in range(0, len(points), block)]
+    return np.concatenate([np.zeros(0, bool), *closed])
+
+
+def within_of(scene: Scene, points: np.ndarray, in_rooms: np.ndarray | None = None) -> Within:
+    """Whether points (point, 3) lie in the room; `in_rooms` (point,) tells it for a model."""
+    if in_rooms is not None:
+        return mi.Bool(in_rooms)
+    room = scene.enclosure
+    return room.contains(points) if room is not None and room.exits is None else None
+
+
+def repeated_within(within: Within, times: int) -> Within:
+    """Repeat what is known of receivers that stand several times one after another."""
+    return within if within is None or isinstance(within, bool) else repeated(within, times)
+
+
+def within_at(within: Within, row: mi.UInt32) -> Within:
+    """Choose what is known of some of the receivers."""
+    return within if within is None or isinstance(within, bool) else dr.gather(mi.Bool, within, row)
+
+
+def _is_closed_in(scene: Scene, points: np.ndarray) -> np.ndarray:
+    """Whether all rays from each point meet a surface, shape (point,)."""
+    lane = dr.arange(mi.UInt32, len(points) * RAYS)
+    p = dr.gather(mi.Point3f, flat(points), lane // RAYS)
+    d = mi.warp.square_to_uniform_sphere(even_numbers(lane % RAYS, lane // RAYS, 6, 0))
+    hit = scene.full.ray_test(mi.Ray3f(p, d), coherent=False)
+    return np.asarray(hit.numpy().reshape(-1, RAYS).all(axis=1))
+
+
+class Cone(NamedTuple):
+    """Cones of directions as an opening sees them, each about an axis."""
+
+    along: mi.Float
+    up: mi.Float
+    """Distances that the axis moves along both sides per distance from the opening's plane [–]."""
+    wider: mi.Float
+    """Distance by which a cone reaches beyond its axis per distance from the plane [–]; 0 for rays,
+    without meaning where the cone grazes."""
+    faces: mi.Bool
+    """Whether the axis leads out of the room; without meaning where the cone grazes."""
+    grazes: mi.Bool
+    """Whether the cone touches the opening's plane, almost."""
+
+    def packed(self) -> mi.Float:
+        """Four numbers for each cone, one after another."""
+        kind = dr.select(self.grazes, 2, dr.select(self.faces, mi.Float(1), 0))
+        numbers = dr.ravel(mi.Vector4f(self.along, self.up, self.wider, kind))
+        dr.eval(numbers)
+        return numbers
+
+    @classmethod
+    def unpacked(cls, numbers: mi.Float, index: mi.UInt32) -> Cone:
+        """Chosen cones of those that have been packed."""
+        along, up, wider, kind = dr.gather(mi.Vector4f, numbers, index)
+        return cls(along, up, wider, kind > 0.5, kind > 1.5)
+
+
+@dataclass(frozen=True)
+class Openings:
+    """Openings of a room: rectangles (opening, 4, 3), fronts inward [m].
+
+    Rays that miss all openings are not traced: they would meet a wall.
+    """
+
+    quads: np.ndarray
+    within: mi.Bool | None = None
+    """Whether each point lies in the room; None where all do."""
+    occluders: mi.Scene | None = None
+    """All that may hide what is seen by the openings, see `Scene.occluders`; None where walls may,
+    too: openings then count as larger by `SLACK`."""
+
+    @classmethod
+    def of(cls, scene: Scene, points: mi.Float, within: Within = None) -> Openings | None:
+        """Openings that points look through; None where all of them may lie outside the room.
+
+        In the rooms of a model are the points of which `within` says so.
+        """
+        room = scene.enclosure
+        if room is None or not room.spares:
+            return None
+        if room.exits is not None:
+            return None if within is None else cls(room.exits, mi.Bool(within))
+        if within is None:
+            within = room.contains(points.numpy().reshape(-1, 3))
+        return cls(room.openings, occluders=scene.occluders) if within else None
+
+    @property
+    def are_none(self) -> bool:
+        """Whether no point can look out of the room."""
+        return len(self.quads) == 0 and (self.within is None or bool(dr.all(self.within)))
+
+    def passed(
+        self, row: mi.UInt32, p: mi.Point3f, d: mi.Vector3f, spread: mi.Float | float = 0.0
+    ) -> mi.Bool:
+        """Whether cones of directions about d from p, the points `row`, may leave the room.
+
+        A ray at angle δ ≤ `spread` [rad] to an axis of incidence θ meets the wall, at distance h,
+        within h sin δ / (cos θ cos(θ + δ)) of the point where the axis meets it. In doubt yes.
+        """
+        result = self.are_elsewhere(row)
+        for i in range(len(self.quads)):
+            result |= self.passed_one(i, p, d, spread)
+        return result
+
+    def are_elsewhere(self, row: mi.UInt32) -> mi.Bool:
+        """Whether the points `row` lie outside the room, where openings tell nothing."""
+        return mi.Bool(False) if self.within is None else ~dr.gather(mi.Bool, self.within, row)
+
+    def passed_one(
+        self, opening: int, p: mi.Point3f, d: mi.Vector3f, spread: mi.Float | float = 0.0
+    ) -> mi.Bool:
+        """Whether cones of directions from p may leave the room by one opening, as `passed`."""
+        return self.passed_by(opening, p, self.cone(opening, d, spread))
+
+    def cone(self, opening: int, d: mi.Vector3f, spread: mi.Float | float = 0.0) -> Cone:
+        """Cones of directions about d as an opening sees them, for `passed_by`."""
+        s, c = dr.sincos(mi.Float(spread))
+        _, n, *sides, _ = self.axes(opening)
+        cosine = -dr.dot(d, n)
+        outermost = cosine * c - dr.safe_sqrt(1 - cosine * cosine) * s
+        wider = dr.select(s > 0, s / (cosine * outermost), 0)
+        grazes = (s > 0) & (outermost < 0.01) & (cosine > -s)
+        far = 1 / cosine  # one division for both sides
+        along, up = (far * dr.dot(d, side) for side in sides)
+        return Cone(along, up, wider, cosine > 0, grazes)
+
+    def passed_by(self, opening: int, p: mi.Point3f, cone: Cone) -> mi.Bool:
+        """Whether cones from p, as this opening sees them, may leave the room by it."""
+        corner, n, *sides, length = self.axes(opening)
+        height = dr.dot(p - corner, n)
+        slack = SLACK if self.occluders is None else 0
+        margin = dr.select(cone.wider > 0, height * cone.wider + SLACK, slack)
+        inside = (height > -1e-3) & cone.faces
+        for side, most, slope in zip(sides, length.xy, (cone.along, cone.up), strict=True):
+            place = dr.dot(p - corner, side) + height * slope
+            inside &= (place > -margin) & (place < most + margin)
+        return inside | cone.grazes
+
+    def axes(self, opening: int) -> tuple[mi.Vector3f, ...]:
+        """Corner, normal, both directions, and their lengths twice, of an opening."""
+        return _axes(self.quads.astype(float).tobytes(), str(mi.variant()))[opening]
+
+
+@lru_cache(maxsize=16)  # every launch in a room asks for the same openings
+def _axes(corners: bytes, variant: str) -> list[tuple[mi.Vector3f, ...]]:
+    """Values of `Openings.axes` for openings by their corners in double precision, one of each.
+
+    A kernel reads them: as literals they would have it compiled anew for every room.
+    """
+    quads = np.frombuffer(corners).reshape(-1, 4, 3)
+    u, v = (quads[:, k] - quads[:, 0] for k in (1, 3))
+    along, up = (np.linalg.norm(edge, axis=1, keepdims=True) for edge in (u, v))
+    lengths = np.concatenate([along, up, up], axis=1)
+    numbers = np.stack([quads[:, 0], normals(quads), u / along, v / up, lengths], axis=1)
+    return [vectors_of(rows) for rows in numbers]
+
+
+def hidden_in_disks(
+    scene: Scene, points: mi.Float, suns: np.ndarray, diameter: float, within: Within = None
+) -> mi.Bool:
+    """Whether a slit may show a sun's disk without its edge, flat (point, sun).
+
+    There is no such slit where every opening is wider than a disk's image across the room.
+    `points` are positions [m], three numbers each, `within` as for `Openings.of`.
+    """
+    room, radius = scene.enclosure, np.radians(diameter) / 2
+    if room is not None and room.narrowest < 2 * np.tan(radius) * np.linalg.norm(room.size):
+        openings = Openings.of(scene, points, within) if room.is_box else Openings(room.openings)
+        if openings is not None:
+            entry = dr.arange(mi.UInt32, dr.width(points) // 3 * len(suns))
+            row, sun = row_and_column(entry, len(suns))
+            p, d = dr.gather(mi.Point3f, points, row), dr.gather(mi.Vector3f, flat(suns), sun)
+            return openings.passed(row, p, d, dr.opaque(mi.Float, radius))
+    return mi.Bool(False)
