@@ -31,7 +31,7 @@ class Ledger:
         return cls(*(np.mean([getattr(x, f.name) for x in ledgers]).item() for f in fields(cls)))
 
 
-class Receivers:
+class SensorDisks:
     """Disks round sensors that record the photons which cross them, and let them go on."""
 
     def __init__(self, points, normals, bins, kernel, radius):

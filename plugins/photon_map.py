@@ -8,9 +8,9 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.checks import checked, checked_whole
-from drcmitsuba_plugins.photon_flight import Ledger, Photons, Receivers, facing, is_diffuse
+from drcmitsuba_plugins.photon_flight import Ledger, Photons, SensorDisks, facing, is_diffuse
 from drcmitsuba_plugins.photon_grid import KERNELS, PhotonGrid
-from drcmitsuba_plugins.photon_sources import Ports, Sources, Surroundings, UnitSources
+from drcmitsuba_plugins.photon_sources import PhotonBins, Ports, Surroundings, UnitSources
 from drcmitsuba_plugins.symbolic import symbolic
 from drcmitsuba_plugins.tables import table_of
 
@@ -130,7 +130,7 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
         ValueError
             The scene is empty, has no light source, or has one that sends no photons.
         """
-        sources = Sources(scene)
+        sources = PhotonBins(scene)
         return self._photons(scene, sources, []).send(photons, seed)
 
     def _photons(self, scene, sources, points):
@@ -165,7 +165,7 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
         photons_of = self._photons(scene, sources, spheres)
         total, ledgers, start = 0, [], seed * self.passes  # no two seeds share a pass
         for i, radius in enumerate(radii):
-            receivers = Receivers(points, normals, sources.bin_count, self.kernel, radius)
+            receivers = SensorDisks(points, normals, sources.bin_count, self.kernel, radius)
             count = max(photons // self.passes, 1)
             store, ledger = photons_of.send(count, start + i, receivers)
             ledgers.append(ledger)
@@ -228,7 +228,7 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
         def at_diffuse(si, bsdf, beta, active):
             return self._at_diffuse(scene, sampler, grid, si, bsdf, beta, active)
 
-        sources = None if self.kind == "caustic" else Sources(scene)
+        sources = None if self.kind == "caustic" else PhotonBins(scene)
         L = self._follow(
             scene, sampler, mi.Ray3f(ray), mi.Spectrum(1), at_diffuse, sources, mi.Bool(active)
         )

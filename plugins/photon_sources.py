@@ -16,7 +16,7 @@ from drcmitsuba_plugins.sampling import on_disk, radiance_of, sample_disk, trans
 from drcmitsuba_plugins.symbolic import symbolic
 
 
-class Sources:
+class PhotonBins:
     """The bins of a scene's environment, followed by those of its suns, with their radiances.
 
     An environment other than `tregenza_sky` is one bin and keeps its radiance.
@@ -135,8 +135,8 @@ class Sources:
         return light
 
 
-class UnitSources(Sources):
-    """The bins of `Sources`, each with unit radiance.
+class UnitSources(PhotonBins):
+    """The bins of `PhotonBins`, each with unit radiance.
 
     Half of the photons are distributed equally, half by solid angle: every bin has photons, and the
     ground, half of all directions, has more than a few.

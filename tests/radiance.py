@@ -24,7 +24,7 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.facade import Facade, Strip
-from drcmitsuba.export.primitives import GLAZING, GLAZING_FILE, Twin, polygons, twin
+from drcmitsuba.export.primitives import GLAZING, GLAZING_FILE, RadianceTwin, polygons, twin
 from drcmitsuba.export.sources import SKY, SUN_RADIANCE, sun_modifiers, sun_text
 from drcmitsuba.model.materials import BsdfMaterial, GlazingMaterial, Lambertian
 from drcmitsuba.scene.geometry import Surface
@@ -218,7 +218,7 @@ def scene_text(
             material = Lambertian(0.0)
         made = twin(modifier, material, surface.quads, file)
         if isinstance(material, GlazingMaterial) and transmissivity is not None:
-            made = Twin(f"void glass {modifier} 0 0 3" + 3 * f" {transmissivity:.9g}")
+            made = RadianceTwin(f"void glass {modifier} 0 0 3" + 3 * f" {transmissivity:.9g}")
         lines += [made.text, *polygons(modifier, material, surface.quads)]
     return "\n".join(lines) + "\n"
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.sensor_stream import channel_stream
 from drcmitsuba.blocks.block_folder import BlockFolder
-from drcmitsuba.blocks.part import Part
+from drcmitsuba.blocks.part import BlockPart
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, SHADED, State
 from drcmitsuba.case.sun import Adaptive
@@ -22,7 +22,7 @@ from drcmitsuba.sky.daylight import Daylight, daylight_and_year
 from drcmitsuba.sky.sun_models import Suns
 
 
-class _Begun(NamedTuple):
+class _BegunPart(NamedTuple):
     case: Case
     light: Daylight
     run: Run
@@ -36,13 +36,13 @@ class _Begun(NamedTuple):
                 pass
 
 
-def _begun(case: Case, run: Run) -> _Begun:
+def _begun(case: Case, run: Run) -> _BegunPart:
     """Case as it is simulated, its light, and the run with the effects of the case's plan."""
     backend.select()
     light = daylight_and_year(case.with_dark_hours() if run.shares_blocks else case)
     run = replace(run, enabled_effects=plan(case, light).scope)
     shade = run.enabled_effects.shade
-    return _Begun(case if shade else case.with_tables(shading=None, groups={}), light, run)
+    return _BegunPart(case if shade else case.with_tables(shading=None, groups={}), light, run)
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class StatePart:
     suns: Suns
     seed: int
     blocks: BlockFolder
-    part: Part
+    part: BlockPart
 
     def make(self, progress: Progress) -> list[str]:
         """Make and store the blocks that are not there; return notes on damaged ones."""
@@ -66,7 +66,7 @@ class StatePart:
         return self.blocks.notes
 
 
-def make_part(case: Case, blocks: BlockFolder, which: Part, stage: Stage = silent) -> None:
+def make_part(case: Case, blocks: BlockFolder, which: BlockPart, stage: Stage = silent) -> None:
     """Make a part of the blocks of all states of a case, for a run with the same cache.
 
     Any number of processes may make parts at the same time. What is stored stays as it is.

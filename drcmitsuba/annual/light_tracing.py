@@ -34,7 +34,7 @@ from drcmitsuba.scene.sensors import sensor_coordinates, sensor_points
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import Daylight, daylight
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.windows.deposit import Window
+from drcmitsuba.transport.windows.deposit import WindowPanes
 from drcmitsuba.transport.windows.light_paths import by_window_and_bounce
 
 SOURCES = ("ground", "sky", "sun")
@@ -156,7 +156,7 @@ def _suns(sky: xr.Dataset, diameter: float) -> Suns:
     return Suns(tuple(map(str, labels[up])), sky["sun_direction"].values[up], diameter)
 
 
-def _windows(case: Case) -> list[Window]:
+def _windows(case: Case) -> list[WindowPanes]:
     """Windows of a case: its `[groups]`, or the panes of each material and direction.
 
     Of more than `MOST_WINDOWS` all panes of a direction are one.
@@ -168,7 +168,7 @@ def _windows(case: Case) -> list[Window]:
     quads: dict[str, list[np.ndarray]] = {name: [] for name in names}
     for panes in grouped_panes(case, groups=groups):
         quads[names[panes.group]].append(panes.quads)
-    return [Window(name, np.concatenate(mine)) for name, mine in quads.items() if mine]
+    return [WindowPanes(name, np.concatenate(mine)) for name, mine in quads.items() if mine]
 
 
 def _coefficients(

@@ -100,9 +100,9 @@ class Result(SavedResult):
         Report
             Verdicts on standards, plans, months, hours: one page of HTML.
         """
-        from drcmitsuba.report.document import Facade, Report
+        from drcmitsuba.report.document import EvaluatedFacade, Report
 
-        return Report([Facade.of_result(self, self.metrics, self.plan)])
+        return Report([EvaluatedFacade.of_result(self, self.metrics, self.plan)])
 
     @property
     def described(self) -> xr.Dataset:
@@ -160,7 +160,7 @@ def evaluate(
         No fit LLVM or GPU.
     """
     with one_blas_thread():
-        return _whole(_Begun.of(case, stage, known, blocks), known)
+        return _whole(_BegunEvaluation.of(case, stage, known, blocks), known)
 
 
 def evaluate_within(
@@ -195,14 +195,14 @@ def evaluate_within(
     """
     with one_blas_thread():
         summed = partial(large_result.is_large, memory=memory)
-        begun = _Begun.of(case, stage, known, blocks, workers, light, summed)
+        begun = _BegunEvaluation.of(case, stage, known, blocks, workers, light, summed)
         if known is None and summed(begun.planned):
             return large_result.evaluated(begun.planned, begun.run, begun.remarks, begun.expected)
         return _whole(begun, known)
 
 
 @dataclass(frozen=True)
-class _Begun:
+class _BegunEvaluation:
     """Evaluation before its first ray."""
 
     planned: Plan
@@ -218,7 +218,7 @@ class _Begun:
         cls, case: Case | str | Path, stage: Stage, known: xr.Dataset | None,
         blocks: BlockFolder | str | Path | None, workers: Workers | None = None,
         light: Daylight | None = None, summed: Callable[[Plan], bool] = lambda planned: False,
-    ) -> _Begun:  # fmt: skip
+    ) -> _BegunEvaluation:  # fmt: skip
         case = case if isinstance(case, Case) else load_case(case)
         backend.select()
         blocks = BlockFolder.cache(blocks) if isinstance(blocks, str | Path) else blocks
@@ -247,7 +247,7 @@ class _Begun:
             return cls(planned, run, remarks, forecast(planned))
 
 
-def _whole(begun: _Begun, known: xr.Dataset | None) -> Result:
+def _whole(begun: _BegunEvaluation, known: xr.Dataset | None) -> Result:
     """Evaluate with whole arrays."""
     planned, run = begun.planned, begun.run
     case = planned.facts.case

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from drcmitsuba.blocks.block_folder import NOTHING_KEPT, BlockFolder, BlockSeries
-from drcmitsuba.blocks.part import EVERY_BLOCK, Part
+from drcmitsuba.blocks.part import EVERY_BLOCK, BlockPart
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import State
@@ -52,7 +52,7 @@ class Run:
     seconds: dict[str, float] = field(default_factory=dict)
     ray_counter: Counter[str] = field(default_factory=Counter)
     blocks: BlockFolder | None = None
-    part: Part = EVERY_BLOCK
+    part: BlockPart = EVERY_BLOCK
     elsewhere: MakeElsewhere | None = None
     shared: SharedPaths | None = field(default_factory=SharedPaths)
 

@@ -27,7 +27,7 @@ import mitsuba as mi
 from drcmitsuba.annual.block_parts import StatePart
 from drcmitsuba.annual.run import MakeElsewhere
 from drcmitsuba.blocks.block_folder import BlockFolder
-from drcmitsuba.blocks.part import Part
+from drcmitsuba.blocks.part import BlockPart
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import State
 from drcmitsuba.runtime import lazy
@@ -152,7 +152,7 @@ class Workers:
                 return
             there.path.mkdir(parents=True, exist_ok=True)
             among = max(1, self.count)
-            parts = [Part(i, among) for i in range(1, among + 1)]
+            parts = [BlockPart(i, among) for i in range(1, among + 1)]
             jobs = [StatePart(case, state, suns, seed, there, one) for one in parts]
             for _, notes in self.each(jobs, progress):
                 blocks.notes.extend(notes)

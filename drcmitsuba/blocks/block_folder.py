@@ -15,7 +15,7 @@ from typing import Any
 import xarray as xr
 
 from drcmitsuba.blocks.block_file import attributes_of, read_block, write_block
-from drcmitsuba.blocks.part import EVERY_BLOCK, Part
+from drcmitsuba.blocks.part import EVERY_BLOCK, BlockPart
 from drcmitsuba.blocks.stored_before import StoredBefore
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.background import Behind
@@ -45,7 +45,7 @@ class BlockSeries:
     """Words for lists."""
     notes: list[str] = field(default_factory=list)
     """Notes on damaged blocks, to which this series adds."""
-    part: Part = EVERY_BLOCK
+    part: BlockPart = EVERY_BLOCK
     """Blocks that are made; the others are passed over."""
     writing: Behind = field(default_factory=Behind, compare=False, repr=False)
     """Writes blocks, in a thread where one is open."""
@@ -176,7 +176,7 @@ class BlockFolder:
                 raise InputError(folder, "--cache", got, remedy)
         return cls(folder, True)
 
-    def series(self, about: str, *content: Any, part: Part = EVERY_BLOCK) -> BlockSeries:
+    def series(self, about: str, *content: Any, part: BlockPart = EVERY_BLOCK) -> BlockSeries:
         """Blocks that depend on some content; `about` are words for lists."""
         made = Provenance.of(FORMAT, *content)
         if self.before is not None:

@@ -12,14 +12,14 @@ MOST = 1_000_000
 
 
 @dataclass(frozen=True)
-class Part:
+class BlockPart:
     """Blocks `number`, `number` + `among`, `number` + 2·`among`, …; blocks count from 1."""
 
     number: int
     among: int
 
     @classmethod
-    def of(cls, text: str) -> Part:
+    def of(cls, text: str) -> BlockPart:
         """Read "i/n"; InputError where i is not one of 1 … n."""
         match = re.fullmatch(r"(\d{1,9})/(\d{1,9})", text.strip(), re.ASCII)
         number, among = map(int, match.groups()) if match else (0, 0)
@@ -36,4 +36,4 @@ class Part:
         return f"{self.number}/{self.among}"
 
 
-EVERY_BLOCK = Part(1, 1)
+EVERY_BLOCK = BlockPart(1, 1)

@@ -32,7 +32,7 @@ FEWEST = 16
 
 
 @dataclass(frozen=True)
-class Pixels:
+class CosinePixels:
     """Square pixels of direction cosines, and how they lie in the cells of a tree."""
 
     depth: int
@@ -80,7 +80,7 @@ class Pixels:
         return (f * (light.sum() / have if have > 0 else 0)).reshape(n, n)
 
 
-def gathered(xy: np.ndarray, value: np.ndarray, pixels: Pixels, source: str) -> np.ndarray:
+def gathered(xy: np.ndarray, value: np.ndarray, pixels: CosinePixels, source: str) -> np.ndarray:
     """Share (m, m) of the incident light that leaves through each pixel.
 
     It is summed from f at scattered directions: direction cosines `xy` (point, 2), `value` (point,)
@@ -182,7 +182,7 @@ def from_measurements(
     turned = np.array([1, 1, 1] if front == "room" else [-1, 1, -1])
     isotropic = incidence.at_one_azimuth([m.incident for m in all_of_them])
     parts = _components(all_of_them, turned)
-    pixels = Pixels(depth)
+    pixels = CosinePixels(depth)
     components, notes = {}, []
     for i, (name, measured) in enumerate(parts.items()):
         report = part(progress, i / len(parts), (i + 1) / len(parts))

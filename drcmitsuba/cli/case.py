@@ -11,7 +11,7 @@ from drcmitsuba.runtime.errors import InputError
 
 if TYPE_CHECKING:
     from drcmitsuba.case.case import Case
-    from drcmitsuba.report.scene_view import Drawn
+    from drcmitsuba.report.scene_view import DrawnSurfaces
 
 
 def case(case: CaseName, output: Output = Path(), weather: Weather = None) -> None:
@@ -90,11 +90,11 @@ def _grids_listing(case: Case) -> list[str]:
     return lines[:MOST_ROWS] + [f"{len(lines)} grids in all"] * (len(lines) > MOST_ROWS)
 
 
-def _drawn(case: Case) -> tuple[list[Drawn], list[str]]:
+def _drawn(case: Case) -> tuple[list[DrawnSurfaces], list[str]]:
     """Surfaces of a case by kind in its file's frame, and a line for each material of its panes."""
     from drcmitsuba.model.model import areas, role_of
     from drcmitsuba.plan.panes import used
-    from drcmitsuba.report.scene_view import Drawn
+    from drcmitsuba.report.scene_view import DrawnSurfaces
     from drcmitsuba.scene.geometry import in_file
     from drcmitsuba.scene.sun_visibility import outside
     from drcmitsuba.scene.surfaces import surfaces_of
@@ -113,20 +113,20 @@ def _drawn(case: Case) -> tuple[list[Drawn], list[str]]:
             name = _name(case, surface.name)
             size[name] = size.get(name, 0.0) + float(areas(quads).sum())
             quads = quads[[quad.tobytes() not in grouped for quad in quads]]
-        drawn.append(Drawn(kind, quads))
+        drawn.append(DrawnSurfaces(kind, quads))
     sides = used(case)
     panes = [f"{n}: {a:.2f} m², {', '.join(sides.get(n, ()))}" for n, a in size.items()]
     placed = [one._replace(quads=in_file(case, one.quads)) for one in (*drawn, *by_group)]
     return placed, panes
 
 
-def _panes_by_group(case: Case) -> list[Drawn]:
+def _panes_by_group(case: Case) -> list[DrawnSurfaces]:
     """Panes of the groups, where there are several or with several states."""
     import numpy as np
 
     from drcmitsuba.case.groups import OTHERS
     from drcmitsuba.model.model import areas
-    from drcmitsuba.report.scene_view import Drawn
+    from drcmitsuba.report.scene_view import DrawnSurfaces
     from drcmitsuba.scene.pane_groups import PaneGroups
     from drcmitsuba.scene.panes_in_state import grouped_panes
 
@@ -139,7 +139,7 @@ def _panes_by_group(case: Case) -> list[Drawn]:
         mine = [panes.quads for panes in every if panes.group == g]
         quads = np.concatenate([np.zeros((0, 4, 3)), *mine])
         line = f"{name}: {areas(quads).sum():.2f} m², {', '.join(states)}"
-        drawn += [Drawn("pane", quads, line)] * (name != OTHERS)
+        drawn += [DrawnSurfaces("pane", quads, line)] * (name != OTHERS)
     return drawn
 
 

@@ -155,9 +155,9 @@ def _make_part(case: Case, block: str, cache: Path | None) -> None:
     """Make a part of the blocks in a cache."""
     from drcmitsuba.annual.block_parts import make_part
     from drcmitsuba.blocks.block_folder import BlockFolder
-    from drcmitsuba.blocks.part import Part
+    from drcmitsuba.blocks.part import BlockPart
 
-    which = Part.of(block)
+    which = BlockPart.of(block)
     if cache is None:
         remedy = "name the folder that all parts share: --cache FOLDER"
         raise InputError("command line", "--block", "no --cache", remedy)

@@ -31,7 +31,7 @@ class Source(str, Enum):
     sun = "sun"
 
 
-class Pixels(str, Enum):
+class ExrValues(str, Enum):
     """Values of an `.exr`."""
 
     float = "float"
@@ -75,7 +75,7 @@ def render(
         str | None,
         option("LEAST,MOST", "Ends of false colours, white of an exposure [cd/m²], as 10,10000."),
     ] = None,
-    pixels: Annotated[Pixels, option("NAME", "EXR: float or half.")] = Pixels.float,
+    pixels: Annotated[ExrValues, option("NAME", "EXR: float or half.")] = ExrValues.float,
     samples: Annotated[int, option("NUMBER", "Rays in each pixel.")] = 8,
     target: Annotated[
         str | None, option("ERROR", 'Wanted error of a pixel, as "2 %": rounds of rays follow.')

@@ -21,7 +21,7 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.redirection import concentration, redirected
 
-from drcmitsuba.design.film_bins import Bins
+from drcmitsuba.design.film_bins import FilmBins
 from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
@@ -37,7 +37,7 @@ LEAST_SPREAD = 2.0
 class Film(Protocol):
     """A film for which a `FilmYear` computes illuminances."""
 
-    def answer(self, bins: Bins) -> mi.TensorXf:
+    def answer(self, bins: FilmBins) -> mi.TensorXf:
         """Return the leaving radiance per unit radiance of the bins, shape (cell, bin)."""
 
 
@@ -83,7 +83,7 @@ class ParametricFilm:
     tilt: Any = 0.0
     spread: Any = 10.0
 
-    def answer(self, bins: Bins) -> mi.TensorXf:
+    def answer(self, bins: FilmBins) -> mi.TensorXf:
         """Return the leaving radiance per unit radiance of the bins, shape (cell, bin)."""
         through = _parameter("transmittance", self.transmittance, 0, 1)
         share = _parameter("redirected", self.redirected, 0, 1)
@@ -151,7 +151,7 @@ class MeasuredFilm:
         """Values f [1/sr] of all leaves, shape (leaf,); a copy, as a NumPy view could change it."""
         return mi.Float(self.bsdf.leaves.numpy().copy())
 
-    def answer(self, bins: Bins) -> mi.TensorXf:
+    def answer(self, bins: FilmBins) -> mi.TensorXf:
         """Return the leaving radiance per unit radiance of the bins, shape (cell, bin)."""
         return _answer_once(self, bins)
 
@@ -169,7 +169,7 @@ def _bsdf(film: MeasuredFilm, variant: str) -> Any:
 
 
 @lru_cache(maxsize=4)
-def _answer_once(film: MeasuredFilm, bins: Bins) -> mi.TensorXf:
+def _answer_once(film: MeasuredFilm, bins: FilmBins) -> mi.TensorXf:
     answer = leaves_of(film, bins).answer(film.bsdf.leaves)
     dr.eval(answer)
     return answer
@@ -189,7 +189,7 @@ class Mix:
     second: Film
     share: Any
 
-    def answer(self, bins: Bins) -> mi.TensorXf:
+    def answer(self, bins: FilmBins) -> mi.TensorXf:
         """Return the leaving radiance per unit radiance of the bins, shape (cell, bin)."""
         share = _parameter("share", self.share, 0, 1)
         first, second = self.first.answer(bins), self.second.answer(bins)
@@ -214,7 +214,7 @@ class Leaves:
     film: MeasuredFilm
     values: mi.Float
 
-    def answer(self, bins: Bins) -> mi.TensorXf:
+    def answer(self, bins: FilmBins) -> mi.TensorXf:
         """Return the leaving radiance per unit radiance of the bins, shape (cell, bin)."""
         count = dr.width(self.film.bsdf.leaves)
         if dr.width(self.values) != count:
@@ -256,7 +256,7 @@ class LeavesOfAnswer:
 
 
 @lru_cache(maxsize=2)  # some 50 to 200 MB for a year of hours
-def leaves_of(film: MeasuredFilm, bins: Bins) -> LeavesOfAnswer:
+def leaves_of(film: MeasuredFilm, bins: FilmBins) -> LeavesOfAnswer:
     """Leaves whose values add up to a film's answer; the look-up is made once for all values.
 
     If outgoing cells lie entirely within cells of the file, a cell has 1 point, a sky patch 64

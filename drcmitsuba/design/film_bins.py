@@ -37,7 +37,7 @@ class Arriving(NamedTuple):
     bin: np.ndarray
 
 
-class Parts(NamedTuple):
+class CellParts(NamedTuple):
     """Parts of the outgoing cells, the same number for each, cell by cell (cell · part).
 
     Unit vectors d to the parts' middles, into the room, in the pane's frame; solid angles [sr].
@@ -48,7 +48,7 @@ class Parts(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Bins:
+class FilmBins:
     """Bins of the sky and the suns before a film that nothing shades, and its outgoing cells.
 
     Parameters
@@ -105,13 +105,13 @@ class Bins:
         s, t = np.moveaxis((corner + within) / (1 << self.depth), -1, 0)
         return to_direction(s, t).reshape(-1, 3)
 
-    def parts(self, per_side: int) -> Parts:
+    def parts(self, per_side: int) -> CellParts:
         """Cut each outgoing cell into per_side² parts, even in the angle from the normal."""
         return _parts(self.depth, per_side)
 
 
 @lru_cache(maxsize=8)
-def _parts(depth: int, per_side: int) -> Parts:
+def _parts(depth: int, per_side: int) -> CellParts:
     # For coordinates a > b of the square [−1, 1]², a is the radius and π/4 b/a the azimuth, so that
     # dΩ = r dr dφ / cos θ = π/4 db d(asin a). The cuts are even in asin a: 1/cos θ, infinite at the
     # rim, does not occur.
@@ -129,7 +129,7 @@ def _parts(depth: int, per_side: int) -> Parts:
     )
     solid_angle = np.pi / 4 * np.where(abs(s) >= abs(t), dt * angle_s, ds * angle_t)
     s, t = np.broadcast_arrays(s, t)
-    return Parts(to_direction((s + 1) / 2, (t + 1) / 2).reshape(-1, 3), solid_angle.ravel())
+    return CellParts(to_direction((s + 1) / 2, (t + 1) / 2).reshape(-1, 3), solid_angle.ravel())
 
 
 @lru_cache(maxsize=8)

@@ -28,7 +28,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import State
 from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.design.film import Film
-from drcmitsuba.design.film_bins import Bins
+from drcmitsuba.design.film_bins import FilmBins
 from drcmitsuba.metrics import accumulate
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress
@@ -144,7 +144,7 @@ class FilmYear:
     sun model.
     """
 
-    bins: Bins
+    bins: FilmBins
     transfer: mi.TensorXf
     transfers: np.ndarray
     L: mi.TensorXf
@@ -213,7 +213,7 @@ class FilmYear:
         rests = accumulate.replicates(rest, daylight.sky, everyone).astype(np.float32)
         L = luminances(daylight)["L"].values
         return cls(
-            Bins(mount.frame, subdivision, suns, depth), _tensor(transfers.mean(axis=0)),
+            FilmBins(mount.frame, subdivision, suns, depth), _tensor(transfers.mean(axis=0)),
             transfers, _tensor(L.T), _tensor(rests.mean(axis=0)), rests, rest,
         )  # fmt: skip
 

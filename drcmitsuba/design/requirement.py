@@ -26,7 +26,7 @@ from drcmitsuba.standards import Evidence
 from drcmitsuba.standards.quantities import Counted, count, stamps_needed
 from drcmitsuba.standards.standard import Level, Limit, Quantity, Standard
 from drcmitsuba.standards.verdict import Outcome, outcome
-from drcmitsuba.standards.year import OF_LIGHT, Year
+from drcmitsuba.standards.year import OF_LIGHT, StandardYear
 from drcmitsuba.transport.facade_basis.year import Illuminances
 
 ALL_POINTS = 100.0
@@ -89,19 +89,19 @@ class Requirement:
     def _quantity(self, limit: Limit) -> Quantity:
         return self.standard.quantities[limit.quantity]
 
-    def _asked(self, year: Year) -> list[tuple[Limit, int | None]]:
+    def _asked(self, year: StandardYear) -> list[tuple[Limit, int | None]]:
         """Limits, each with the index of the space that it is asked of, None for all points."""
         spaces = range(len(year.spaces)) if self.level.scope == "spaces" else (None,)
         return [(limit, space) for limit in self.level.limits for space in spaces]
 
     @cached_property
-    def _dark(self) -> Year:
+    def _dark(self) -> StandardYear:
         """Hours without light, which tell the spaces."""
         sizes = self.coordinates.sizes
         none = np.zeros((sizes["time"], sizes["sensor"]), np.float32)
         return self._year(none, none, none)
 
-    def _year(self, open: np.ndarray, shaded: np.ndarray, direct: np.ndarray) -> Year:
+    def _year(self, open: np.ndarray, shaded: np.ndarray, direct: np.ndarray) -> StandardYear:
         """Hours of the standard, the shade applied by its rule, without errors of E [lx]."""
         rules, dims = self.rules, ("time", "sensor")
         E = {name: (dims, e) for name, e in (("total_open", open), ("direct_sun", direct))}
@@ -110,7 +110,7 @@ class Requirement:
         out["total"] = dims, np.where(closed.values[:, None], shaded, open)
         none = np.zeros_like(open)
         out = out.assign({f"{name}_se": (dims, none) for name in OF_LIGHT.values()})
-        return Year(Evidence(out, None, None, {}, "façade basis"), self.at)
+        return StandardYear(Evidence(out, None, None, {}, "façade basis"), self.at)
 
     def _hard_margin(self, limit: Limit, counted: Counted, space: int | None) -> float:
         if self._quantity(limit).of == "mean":
@@ -123,7 +123,7 @@ class Requirement:
         return (float(share) - limit.at_least) / 100
 
     def _smooth_margin(
-        self, limit: Limit, E: mi.TensorXf, year: Year, sharpness: float
+        self, limit: Limit, E: mi.TensorXf, year: StandardYear, sharpness: float
     ) -> mi.Float:
         quantity, step = self._quantity(limit), self.rules.step_hours
         needed = stamps_needed(quantity, year)

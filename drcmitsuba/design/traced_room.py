@@ -24,7 +24,7 @@ from drcmitsuba.schema import positions
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.luminances import blended
 from drcmitsuba.sky.sun_models import Blend
-from drcmitsuba.transport.cells.points import Draws
+from drcmitsuba.transport.cells.points import CellPoints
 from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.films.films import Films
 from drcmitsuba.transport.gather.blocks import Gathered
@@ -171,7 +171,7 @@ def _by_mark(ratios: list[mi.Float]) -> mi.Float:
 
 def _deposited(
     case: Case, world: Scene, daylight: Daylight, points: np.ndarray, normals: np.ndarray,
-    drawn: Draws, progress: Progress,
+    drawn: CellPoints, progress: Progress,
 ) -> Deposited:  # fmt: skip
     """Average D·L over the replicates, with the points on the cells that each has `drawn`."""
     a, suns, year = case.accuracy, daylight.suns, AnnualIlluminance.of(daylight)

@@ -40,7 +40,7 @@ UNCOATED = 1.1e-3
 
 
 @dataclass(frozen=True)
-class Twin:
+class RadianceTwin:
     """A material in Radiance."""
 
     text: str
@@ -60,7 +60,7 @@ def _numbers(values: object) -> str:
 
 def twin(
     modifier: str, material: SurfaceMaterial, quads: np.ndarray, file: str | Path = ""
-) -> Twin:
+) -> RadianceTwin:
     """Make the primitive of a material.
 
     Parameters
@@ -80,7 +80,7 @@ def twin(
     if isinstance(material, Lambertian):
         colours = [_numbers([channel_of(side, i) for i in range(3)]) for side in material.sides]
         if material.behind is None:
-            return Twin(f"void plastic {modifier} 0 0 5 {colours[0]} 0 0")
+            return RadianceTwin(f"void plastic {modifier} 0 0 5 {colours[0]} 0 0")
         front, back = (f"{modifier}_{side}" for side in ("front", "back"))
         lines = [
             f"void plastic {front} 0 0 5 {colours[0]} 0 0",
@@ -88,27 +88,27 @@ def twin(
             # Rdot, the cosine at which the ray arrives, is positive on the front.
             f"void mixfunc {modifier} 4 {front} {back} if(Rdot,1,0) . 0 0",
         ]
-        return Twin("\n".join(lines))
+        return RadianceTwin("\n".join(lines))
     if isinstance(material, PorousMaterial):
         return _porous(modifier, material)
     if isinstance(material, GlazingMaterial) and material.ior is not None:
         t = transmissivity(material.transmittance, material.ior)
         text = f"void glass {modifier} 0 0 4 {_numbers([t] * 3)} {_numbers(material.ior)}"
-        return Twin(text, "glass mirrors the sun to no other surface")
+        return RadianceTwin(text, "glass mirrors the sun to no other surface")
     if isinstance(material, GlazingMaterial):
         shape = [material.transmittance, material.exponent, material.reflectance]
         names = f"rho rho rho tau tau tau 0 0 0 {GLAZING_FILE}"
-        return Twin(f"void BRTDfunc {modifier} 10 {names} 0 12 {_numbers([0] * 9 + shape)}")
+        return RadianceTwin(f"void BRTDfunc {modifier} 10 {names} 0 12 {_numbers([0] * 9 + shape)}")
     if isinstance(material, DiffuserMaterial):
         return _diffuser(modifier, material)
     if isinstance(material, BsdfMaterial):
-        return Twin(_film(modifier, material, quads, file))
+        return RadianceTwin(_film(modifier, material, quads, file))
     if isinstance(material, MirrorMaterial):
         return _mirror(modifier, material)
     return _dielectric(modifier, material)
 
 
-def _porous(modifier: str, material: PorousMaterial) -> Twin:
+def _porous(modifier: str, material: PorousMaterial) -> RadianceTwin:
     """A porous surface as `trans` whose transmitted light goes straight: C t passes, C (1 − t) not.
 
     One t serves all channels: under a coloured C the light that passes is coloured, too.
@@ -120,10 +120,12 @@ def _porous(modifier: str, material: PorousMaterial) -> Twin:
     colour = solid / (1 - share) if grey else np.full(3, gaps)
     text = f"void trans {modifier} 0 0 7 {_numbers(colour)} 0 0 {_numbers([share, 1.0])}"
     coloured = gaps > 0 and isinstance(rho, tuple) and len(set(rho)) > 1
-    return Twin(text, "the light that passes gaps of coloured bodies is coloured" * coloured)
+    return RadianceTwin(
+        text, "the light that passes gaps of coloured bodies is coloured" * coloured
+    )
 
 
-def _diffuser(modifier: str, material: DiffuserMaterial) -> Twin:
+def _diffuser(modifier: str, material: DiffuserMaterial) -> RadianceTwin:
     """A diffusing pane as `trans`, which reflects on both sides.
 
     What goes straight through is that of normal incidence, what is scattered the mean.
@@ -138,7 +140,7 @@ def _diffuser(modifier: str, material: DiffuserMaterial) -> Twin:
         differs.append("a fabric lets as much straight through as at normal incidence")
     if np.ptp(material.transmittance) > 0:
         differs.append("a pane scatters the same share of light from any direction")
-    return Twin(text, "; ".join(differs))
+    return RadianceTwin(text, "; ".join(differs))
 
 
 def _film(modifier: str, material: BsdfMaterial, quads: np.ndarray, file: str | Path) -> str:
@@ -154,7 +156,7 @@ def _film(modifier: str, material: BsdfMaterial, quads: np.ndarray, file: str | 
     return f'void BSDF {modifier} 6 0 "{file}" {_numbers(up)} . 0 0'
 
 
-def _mirror(modifier: str, material: MirrorMaterial) -> Twin:
+def _mirror(modifier: str, material: MirrorMaterial) -> RadianceTwin:
     """A mirror as `metal`, because the back of Radiance's `mirror` is black.
 
     A polished one is smooth: Radiance then mirrors more at grazing incidence by the same formula.
@@ -173,14 +175,16 @@ def _mirror(modifier: str, material: MirrorMaterial) -> Twin:
         shine = shine * coated / reflectance if reflectance else 1.0
         difference = "a coated mirror reflects at any incidence what it does at a normal one"
     finish = _numbers([shine, max(material.roughness, least)])
-    return Twin(f"void metal {modifier} 0 0 5 {_numbers([reflectance] * 3)} {finish}", difference)
+    return RadianceTwin(
+        f"void metal {modifier} 0 0 5 {_numbers([reflectance] * 3)} {finish}", difference
+    )
 
 
-def _dielectric(modifier: str, material: DielectricMaterial) -> Twin:
+def _dielectric(modifier: str, material: DielectricMaterial) -> RadianceTwin:
     """A clear solid whose normals point outward."""
     colour = _numbers([np.exp(-material.absorption)] * 3)
     text = f"void dielectric {modifier} 0 0 5 {colour} {_numbers(material.ior)} 0"
-    return Twin(text, "a rough solid is smooth" if material.roughness else "")
+    return RadianceTwin(text, "a rough solid is smooth" if material.roughness else "")
 
 
 def polygon(modifier: str, name: str, corners: np.ndarray) -> str:

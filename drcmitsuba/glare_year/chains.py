@@ -79,7 +79,7 @@ class Ends(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class _Rays:
+class _ChainRays:
     """Rays on their way."""
 
     ray: np.ndarray
@@ -90,8 +90,8 @@ class _Rays:
     in_pane: np.ndarray
     """Whether a pane has mirrored the ray: what surfaces send along it is left out."""
 
-    def take(self, which: np.ndarray) -> _Rays:
-        return _Rays(*(column[which] for column in _columns(self)))
+    def take(self, which: np.ndarray) -> _ChainRays:
+        return _ChainRays(*(column[which] for column in _columns(self)))
 
     def ends(self, part: int, normals: np.ndarray | None = None, weight: Any = 1.0) -> Ends:
         """Ends here; `weight` (…) or (channel,) is the share of each end's light."""
@@ -130,14 +130,14 @@ class Chains:
         count = len(points)
         straight = np.full(count, STRAIGHT)
         clean = np.zeros(count, bool)
-        on = _Rays(np.arange(count), np.ones(count), points, directions, straight, clean)
+        on = _ChainRays(np.arange(count), np.ones(count), points, directions, straight, clean)
         for depth in range(MOST_SURFACES):
             on = self._step(on, every, depth)
             if not len(on.ray):
                 break
         return _joined(every["outside"]), _joined(every["films"]), _joined(every["surfaces"])
 
-    def _step(self, on: _Rays, every: dict[str, list[Ends]], depth: int) -> _Rays:
+    def _step(self, on: _ChainRays, every: dict[str, list[Ends]], depth: int) -> _ChainRays:
         """Trace rays to their next surfaces, note the ends, and return the rays that go on."""
         ray = mi.Ray3f(_points(on.p), _vectors(on.d))
         self.scene.ray_counter.take("path", len(on.ray))
@@ -159,13 +159,13 @@ class Chains:
         for index in np.unique(part[~outside]):
             mine = part == index
             onward += self._meet(int(index), here.take(mine), n[mine], every, depth)
-        joined = _Rays(*(np.concatenate(c) for c in zip(*map(_columns, onward), strict=True)))
+        joined = _ChainRays(*(np.concatenate(c) for c in zip(*map(_columns, onward), strict=True)))
         far = OFFSET * (1 + np.abs(joined.p).max(axis=1, initial=0, keepdims=True))
         return replace(joined, p=joined.p + far * joined.d).take(joined.weight > LEAST_WEIGHT)
 
     def _meet(
-        self, index: int, on: _Rays, n: np.ndarray, every: dict[str, list[Ends]], depth: int
-    ) -> Iterator[_Rays]:
+        self, index: int, on: _ChainRays, n: np.ndarray, every: dict[str, list[Ends]], depth: int
+    ) -> Iterator[_ChainRays]:
         """Note the ends of rays at a part of the scene, and yield those that it turns."""
         material = self.scene.parts[index].material
         if isinstance(material, GlazingMaterial):
@@ -203,7 +203,7 @@ class Chains:
         elif isinstance(material, DielectricMaterial):
             yield self._turned(index, on, n, depth)
 
-    def _turned(self, index: int, on: _Rays, n: np.ndarray, depth: int) -> _Rays:
+    def _turned(self, index: int, on: _ChainRays, n: np.ndarray, depth: int) -> _ChainRays:
         """Rays after a mirror or the surface of a clear solid."""
         material = self.scene.parts[index].material
         numbers = np.random.default_rng([depth, index]).random((3, len(on.ray)))
@@ -276,7 +276,7 @@ def _matt(material: MirrorMaterial, n: np.ndarray, d: np.ndarray) -> np.ndarray:
     return material.matt * (1 - more_at_grazing(np.abs(np.einsum("ri,ri->r", n, d))))
 
 
-def _columns(rays: _Rays) -> tuple[np.ndarray, ...]:
+def _columns(rays: _ChainRays) -> tuple[np.ndarray, ...]:
     return rays.ray, rays.weight, rays.p, rays.d, rays.path, rays.in_pane
 
 

@@ -7,7 +7,7 @@ A film that is seen along d from a point p glows with
 For ground and sky, directions are drawn from the BSDF; a sun's disk is met with its exact direction
 and shadow rays. f has the resolution of its file: a peak that is narrower than an outgoing cell is
 spread over the cell, as wide and as dim as the cell makes it. Where f stands out (`STANDS_OUT`),
-`Glow.sharpness` says how much smaller a sun's disk is than the cell.
+`FilmGlow.sharpness` says how much smaller a sun's disk is than the cell.
 
 Rough mirrors glow by suns alone, with the lobe of their BSDF: `chains` follow what else they show.
 
@@ -46,7 +46,7 @@ LOBE_SAMPLES = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Glow:
+class FilmGlow:
     """Luminance of film ends per unit luminance of the sources."""
 
     sky: np.ndarray
@@ -60,7 +60,7 @@ class Glow:
 
 def glow(
     scene: Scene, ends: Ends, suns: np.ndarray, diameter: float, subdivision: int, seed: int
-) -> Glow:
+) -> FilmGlow:
     """Glow of the films that chains end at.
 
     Parameters
@@ -93,7 +93,7 @@ def glow(
         sky[mine] = film.sky(bins, subdivision)
         if len(suns):
             by_sun[mine], sharpness[mine] = film.suns(suns, diameter)
-    return Glow(sky, by_sun, sharpness)
+    return FilmGlow(sky, by_sun, sharpness)
 
 
 @dataclass(frozen=True, eq=False)

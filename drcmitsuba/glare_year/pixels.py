@@ -20,7 +20,7 @@ FINER = 4
 
 
 @dataclass(frozen=True, eq=False)
-class Rays:
+class EyeRays:
     """Rays from an eye, tile by tile."""
 
     directions: np.ndarray
@@ -31,7 +31,7 @@ class Rays:
     """Solid angle of each ray [sr]."""
 
 
-def rays(forward: np.ndarray) -> Rays:
+def rays(forward: np.ndarray) -> EyeRays:
     """Rays over all that some lines of sight have in front of them.
 
     Parameters
@@ -49,7 +49,7 @@ def rays(forward: np.ndarray) -> Rays:
     tiles = np.concatenate([tile, tile + SIDE**2])
     seen = (directions @ forward.T > 0).any(axis=1)
     order = np.argsort(tiles[seen], kind="stable")
-    return Rays(directions[seen][order], tiles[seen][order], 2 * np.pi / n**2)
+    return EyeRays(directions[seen][order], tiles[seen][order], 2 * np.pi / n**2)
 
 
 def within(tiles: np.ndarray, count: int, seed: int) -> tuple[np.ndarray, float]:
@@ -58,7 +58,7 @@ def within(tiles: np.ndarray, count: int, seed: int) -> tuple[np.ndarray, float]
     Parameters
     ----------
     tiles : np.ndarray of int, shape (tile,)
-        Numbers of tiles, as of `Rays.tile`.
+        Numbers of tiles, as of `EyeRays.tile`.
     count : int
         Number of rows and columns of directions in a tile; each is drawn from a cell of its own.
     seed : int

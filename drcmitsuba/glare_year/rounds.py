@@ -33,7 +33,7 @@ from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.luminances import at_rows
 
 
-class Look(NamedTuple):
+class IntervalLook(NamedTuple):
     """Look at the intervals after some rounds."""
 
     half_width: float
@@ -43,7 +43,7 @@ class Look(NamedTuple):
     time, view)."""
 
 
-Judge = Callable[[list[EyeSamples]], Look]
+Judge = Callable[[list[EyeSamples]], IntervalLook]
 """Function that looks at the samples of all states."""
 
 
@@ -96,16 +96,16 @@ class Sampler:
         return out
 
 
-def of_illuminance(samples: list[EyeSamples], target: Target) -> Look:
+def of_illuminance(samples: list[EyeSamples], target: Target) -> IntervalLook:
     """Look at the illuminance of the hours at every eye, root mean square weighted by E."""
     widths = np.array([
         of_hours(*mean_and_error(each.illuminance), len(each.illuminance)) for each in samples
     ])  # fmt: skip
     hours = np.ones((1, len(samples[0].rounds), 1), bool)
-    return Look(float(widths.max()), hours & (widths > target.value)[:, None])
+    return IntervalLook(float(widths.max()), hours & (widths > target.value)[:, None])
 
 
-def of_glare(year: GlareYear, target: Target, index: np.ndarray | None) -> Look:
+def of_glare(year: GlareYear, target: Target, index: np.ndarray | None) -> IntervalLook:
     """Look at the shares of hours whose DGP is above a limit.
 
     Parameters
@@ -122,7 +122,7 @@ def of_glare(year: GlareYear, target: Target, index: np.ndarray | None) -> Look:
         *states, applied = wanting
         wanting = np.stack(states)
         wanting[index, np.arange(len(index))] |= applied
-    return Look(float(widths.max()), wanting)
+    return IntervalLook(float(widths.max()), wanting)
 
 
 def toward(

@@ -11,10 +11,10 @@ import numpy as np
 from drcmitsuba_plugins.patches import Patches, patch_index
 
 from drcmitsuba.glare_year.chains import TURNED, Chains, Ends
-from drcmitsuba.glare_year.films import Glow, glow
+from drcmitsuba.glare_year.films import FilmGlow, glow
 from drcmitsuba.glare_year.pixels import merged, rays
 from drcmitsuba.glare_year.suns import Images, images
-from drcmitsuba.glare_year.tiles import Tiles
+from drcmitsuba.glare_year.tiles import EyeTiles
 from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene.scene import Scene
@@ -29,7 +29,7 @@ LIFT = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Surfaces:
+class SeenSurfaces:
     """Points of diffuse surfaces that are seen; their luminance is the weighted illuminance."""
 
     pixel: np.ndarray
@@ -42,14 +42,16 @@ class Surfaces:
     """Luminance over illuminance [1/sr], shape (point, channel)."""
 
     @classmethod
-    def joined(cls, parts: list[Surfaces]) -> Surfaces:
+    def joined(cls, parts: list[SeenSurfaces]) -> SeenSurfaces:
         """Points of several places; their pixels remain those of each place."""
         columns = ("pixel", "points", "normals", "weight")
         return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in columns))
 
-    def take(self, some: slice | np.ndarray) -> Surfaces:
+    def take(self, some: slice | np.ndarray) -> SeenSurfaces:
         """Some of the points."""
-        return Surfaces(self.pixel[some], self.points[some], self.normals[some], self.weight[some])
+        return SeenSurfaces(
+            self.pixel[some], self.points[some], self.normals[some], self.weight[some]
+        )
 
     def luminance(self, E: np.ndarray) -> np.ndarray:
         """Luminance of the points [cd/m²], (point, time), by E (channel, point, time) [lx]."""
@@ -62,15 +64,15 @@ class Surfaces:
 class Seen:
     """View from one place, without the illuminance of the surfaces in it."""
 
-    tiles: Tiles
+    tiles: EyeTiles
     directions: np.ndarray
     """Unit vectors to the pixels, shape (pixel, 3)."""
     sky: Any
     """Luminance per unit luminance of ground and sky patches, csr array (pixel, bin) [–]."""
-    surfaces: Surfaces
+    surfaces: SeenSurfaces
     films: np.ndarray
     """Pixels of the rows of `glow`, int, shape (end,)."""
-    glow: Glow
+    glow: FilmGlow
     images: Images
 
 
@@ -109,10 +111,10 @@ def seen(
     at = np.searchsorted(kept, np.arange(count)).clip(max=len(kept) - 1)
     first = np.flatnonzero(np.r_[True, np.diff(sent.tile) > 0, True])
     mirroring = np.unique(sent.tile[outside.ray[outside.path == TURNED]])
-    tiles = Tiles(first, sent.directions, pixel.ravel(), sent.solid_angle, forward)
+    tiles = EyeTiles(first, sent.directions, pixel.ravel(), sent.solid_angle, forward)
     return Seen(
         tiles, sent.directions[kept], _of_sky(outside, at, len(kept), subdivision),
-        Surfaces(
+        SeenSurfaces(
             at[surfaces.ray], surfaces.point + LIFT * surfaces.normal, surfaces.normal,
             surfaces.weight.reshape(-1, len(channels)) / np.pi,
         ),

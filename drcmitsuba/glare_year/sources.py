@@ -20,7 +20,7 @@ import numpy as np
 from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.glare_year.components import components
-from drcmitsuba.glare_year.tiles import GROUPS, Links, Tiles
+from drcmitsuba.glare_year.tiles import GROUPS, EyeTiles, Links
 from drcmitsuba.picture.position_index import position_index
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 
@@ -29,7 +29,7 @@ LEAST = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class Parts:
+class SourceParts:
     """Parts of sources: bright tiles that are joined and that the same views see."""
 
     tile: mi.UInt32
@@ -48,7 +48,7 @@ class Parts:
 
 
 def contrast_sums(
-    luminance: np.ndarray, tiles: Tiles, frames: np.ndarray, threshold: np.ndarray, peak: float
+    luminance: np.ndarray, tiles: EyeTiles, frames: np.ndarray, threshold: np.ndarray, peak: float
 ) -> np.ndarray:
     """Σ L_s² ω_s / P_s² of some views from one place, in some hours.
 
@@ -81,7 +81,7 @@ def contrast_sums(
     return out
 
 
-def _bright(L: mi.Float, tiles: Tiles, threshold: np.ndarray, peak: float) -> list[Parts]:
+def _bright(L: mi.Float, tiles: EyeTiles, threshold: np.ndarray, peak: float) -> list[SourceParts]:
     """Parts of sources below the peak, and of those above it."""
     hours = dr.opaque(mi.UInt32, len(threshold))
     lane = dr.arange(mi.UInt32, len(tiles) * len(threshold))
@@ -123,8 +123,8 @@ def _tile_sums(
 
 
 def _joined(
-    tiles: Tiles, bits: mi.UInt32, sums: tuple[mi.Float, mi.Float], hours: mi.UInt32
-) -> Parts | None:
+    tiles: EyeTiles, bits: mi.UInt32, sums: tuple[mi.Float, mi.Float], hours: mi.UInt32
+) -> SourceParts | None:
     """Parts that the bright rays of every hour make.
 
     Parameters
@@ -153,7 +153,7 @@ def _joined(
     moment = flux * dr.gather(mi.Vector3f, flat(tiles.direction), tile)
     solid_angle, total, *moments = _added((omega, flux, *moment), part, dr.width(tops))
     one, two = (dr.gather(mi.UInt32, part, end) for end in across)
-    return Parts(
+    return SourceParts(
         dr.gather(mi.UInt32, tile, tops), dr.gather(mi.UInt32, hour, tops), solid_angle, total,
         mi.Vector3f(*moments), one, two,
     )  # fmt: skip
@@ -215,7 +215,7 @@ def _edges(
     return edges
 
 
-def _sums(parts: Parts, ahead: np.ndarray, frames: np.ndarray, hours: int) -> np.ndarray:
+def _sums(parts: SourceParts, ahead: np.ndarray, frames: np.ndarray, hours: int) -> np.ndarray:
     """Σ L² ω / P² over the sources in front of some views, shape (view, hour)."""
     views, count = len(frames), dr.width(parts.tile)
     stride = dr.opaque(mi.UInt32, count)
@@ -242,7 +242,7 @@ def _sums(parts: Parts, ahead: np.ndarray, frames: np.ndarray, hours: int) -> np
     return sums.reshape(views, hours)
 
 
-def _edges_of_views(parts: Parts, before: mi.Bool, views: int) -> tuple[mi.UInt32, mi.UInt32]:
+def _edges_of_views(parts: SourceParts, before: mi.Bool, views: int) -> tuple[mi.UInt32, mi.UInt32]:
     """Links between the parts (view · part,) that each view has before it."""
     links, count = dr.width(parts.one), dr.width(parts.tile)
     if not links:

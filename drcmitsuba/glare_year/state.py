@@ -15,7 +15,7 @@ from drcmitsuba.case.groups import State
 from drcmitsuba.glare_year.eyes import Eyes
 from drcmitsuba.glare_year.luminance_noise import DIM, POINTS, LuminanceNoise
 from drcmitsuba.glare_year.rule import Rule
-from drcmitsuba.glare_year.seen import Luminances, Seen, Surfaces, seen
+from drcmitsuba.glare_year.seen import Luminances, Seen, SeenSurfaces, seen
 from drcmitsuba.glare_year.sources import contrast_sums
 from drcmitsuba.metrics import accumulate
 from drcmitsuba.picture.glare import LARGEST_FACTOR
@@ -39,7 +39,7 @@ LUMINANCES = 1 << 25
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class PlaceInState:
     """View from one place in one state of the façade, and its luminances."""
 
     views: np.ndarray
@@ -140,7 +140,9 @@ def at_eyes(case: Case, state: State, light: Daylight, looking: Eyes, run: Run) 
         return accumulate.replicates(by_luminance(C), light.sky, np.arange(len(looking)))
 
 
-def places(case: Case, state: State, light: Daylight, looking: Eyes, run: Run) -> Iterator[Place]:
+def places(
+    case: Case, state: State, light: Daylight, looking: Eyes, run: Run
+) -> Iterator[PlaceInState]:
     """Trace what is seen from each place in one state of the façade, place by place.
 
     Parameters
@@ -174,13 +176,13 @@ def places(case: Case, state: State, light: Daylight, looking: Eyes, run: Run) -
     most = COEFFICIENTS // (len(light.suns.labels) + sky.sizes["bin"])
     most = min(most, LUMINANCES // sky.sizes["time"])
     for together in _together(every, most):
-        surfaces = Surfaces.joined([shown.surfaces for _, shown in together])
+        surfaces = SeenSurfaces.joined([shown.surfaces for _, shown in together])
         L, noise = _of_surfaces(case, state, light, surfaces, run)
         start = 0
         for views, shown in together:
             here = slice(start, start + len(shown.surfaces.points))
             known = Luminances(shown, sky["sky"].values, sky["sun"].values, sun_index, L[here])
-            yield Place(views, known, noise.of_points(here))
+            yield PlaceInState(views, known, noise.of_points(here))
             start = here.stop
     run.ray_counter.update(world.ray_counter.counted())
 
@@ -203,7 +205,7 @@ def _together(
 
 
 def _of_surfaces(
-    case: Case, state: State, light: Daylight, surfaces: Surfaces, run: Run
+    case: Case, state: State, light: Daylight, surfaces: SeenSurfaces, run: Run
 ) -> tuple[np.ndarray, LuminanceNoise]:
     """Luminance of the surfaces of places [cd/m²], float32, (point, time), and its noise."""
     sky = light.sky
@@ -238,7 +240,7 @@ def _of_surfaces(
 
 
 def _luminances(
-    C: xr.Dataset, sky: xr.Dataset, surfaces: Surfaces, points: np.ndarray
+    C: xr.Dataset, sky: xr.Dataset, surfaces: SeenSurfaces, points: np.ndarray
 ) -> np.ndarray:
     """Luminance of some points by each replicate of C [cd/m²], shape (replicate, point, time)."""
     channels = (

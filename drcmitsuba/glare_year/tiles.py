@@ -35,7 +35,7 @@ class Links(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Tiles:
+class EyeTiles:
     """Rays of an eye by tile."""
 
     first: np.ndarray

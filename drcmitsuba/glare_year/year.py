@@ -38,7 +38,7 @@ from drcmitsuba.glare_year import forecast
 from drcmitsuba.glare_year.eye_samples import EyeSamples, by_hour
 from drcmitsuba.glare_year.eyes import Eyes, eyes
 from drcmitsuba.glare_year.result import GlareYear
-from drcmitsuba.glare_year.rounds import Look, Sampler, of_glare, of_illuminance, toward
+from drcmitsuba.glare_year.rounds import IntervalLook, Sampler, of_glare, of_illuminance, toward
 from drcmitsuba.glare_year.rule import Rule
 from drcmitsuba.metrics.facade_states import FacadeStates
 from drcmitsuba.plan import plan
@@ -121,7 +121,7 @@ def glare(
         hours, replicates = _rated(case, light, looking, states, every, rule)
         return GlareYear(case, hours, replicates, settings, dict(run.seconds))
 
-    def look(samples: list[EyeSamples]) -> Look:
+    def look(samples: list[EyeSamples]) -> IntervalLook:
         assert target is not None
         if target.unit == AT_SENSORS:
             return of_illuminance(samples, target)

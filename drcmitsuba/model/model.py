@@ -162,7 +162,7 @@ class Layer:
 
 
 @dataclass(frozen=True, eq=False)
-class Grid:
+class SensorGrid:
     """Sensors of a model."""
 
     name: str
@@ -209,7 +209,7 @@ class Model:
     """Everything that a source says, in metres, z up."""
 
     layers: tuple[Layer, ...] = ()
-    grids: tuple[Grid, ...] = ()
+    grids: tuple[SensorGrid, ...] = ()
     views: tuple[View, ...] = ()
     location: Location | None = None
     north: float = 0.0

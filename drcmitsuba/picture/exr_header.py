@@ -31,7 +31,7 @@ BT709: Primaries = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)
 
 
 @dataclass(frozen=True)
-class Header:
+class ExrHeader:
     """Header of a picture."""
 
     channels: Mapping[str, int]
@@ -45,7 +45,7 @@ class Header:
     captured: str
 
 
-def read(raw: bytes, file: Path) -> Header:
+def read(raw: bytes, file: Path) -> ExrHeader:
     """Read the header of a file with one picture.
 
     Parameters
@@ -78,7 +78,7 @@ def read(raw: bytes, file: Path) -> Header:
         refuse_size(
             file, right - left + 1, top - bottom + 1, sum(_BYTES[c] for c in channels.values())
         )
-        return Header(
+        return ExrHeader(
             channels, _white(attributes), _exposure(attributes), _primaries(attributes),
             _view(attributes, file), _string(attributes, "capDate")[:32],
         )  # fmt: skip

@@ -26,7 +26,7 @@ _RESOLUTION = re.compile(r"([+-])([XY])\s+(\d{1,9})\s+([+-])([XY])\s+(\d{1,9})\s
 
 
 @dataclass(frozen=True)
-class Header:
+class HdrHeader:
     """Statements of a header; those of earlier programs, which a tab indents, do not count."""
 
     form: str
@@ -64,7 +64,7 @@ class Header:
         return pixels[rows, columns]
 
 
-def read(raw: bytes, file: Path) -> Header:
+def read(raw: bytes, file: Path) -> HdrHeader:
     """Read the header of a picture.
 
     Parameters
@@ -118,7 +118,7 @@ def read(raw: bytes, file: Path) -> Header:
     if not (factors.min() > 1e-30 and factors.max() < 1e30):
         raise InputError(file, "EXPOSURE", f"{exposure:g} in all", "give 1e-30 to 1e30")
     view = from_options(" ".join(views), file, view_line) if views else None
-    return Header(form, view, exposure, correction, primaries, captured, resolution, last + 1)
+    return HdrHeader(form, view, exposure, correction, primaries, captured, resolution, last + 1)
 
 
 def _view_of_command(line: str) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from drcmitsuba.model.model import View
-from drcmitsuba.model.radiance.text import Place
+from drcmitsuba.model.radiance.text import FileLine
 from drcmitsuba.model.radiance.views import view_options
 from drcmitsuba.picture.projection import PROJECTIONS, Projection
 from drcmitsuba.runtime.errors import InputError
@@ -204,7 +204,7 @@ def from_options(options: str, file: Path, line: int = 1) -> PictureView:
     InputError
         An option is unknown, or a value is unfit.
     """
-    place = Place(file, line)
+    place = FileLine(file, line)
     # The equisolid view is no view of Radiance, so its reader of options does not know it.
     equisolid = re.search(r"(?:^|\s)-vte(?=\s|$)", options) is not None
     given = view_options(re.sub(r"(^|\s)-vte(?=\s|$)", r"\1-vta", options), place)

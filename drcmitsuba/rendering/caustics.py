@@ -15,7 +15,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.rendering.surface_light import Sources
+from drcmitsuba.rendering.surface_light import HourSources
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
@@ -60,7 +60,7 @@ class Caustics:
         seeds = [launch_seed(accuracy.seed, Stream.PHOTONS, r) for r in range(accuracy.replicates)]
         return cls(tuple(sky.traced(seed + 1) for seed in seeds), sun, accuracy)
 
-    def under(self, sources: Sources) -> tuple[Map, ...]:
+    def under(self, sources: HourSources) -> tuple[CausticMap, ...]:
         """Maps of the irradiance [lx] under the sources, which may have no sun."""
         maps = [_map(self.of_sky, 0, sources.sky)]
         if sources.sun > 0 and self.sun is not None:
@@ -74,7 +74,7 @@ class Caustics:
 
 
 @dataclass(frozen=True)
-class Map:
+class CausticMap:
     """Irradiance on the cells of all surfaces."""
 
     landed: Landed
@@ -90,7 +90,7 @@ class Map:
         return dr.gather(mi.Float, self.E, dr.select(known, at, 0), known)
 
 
-def _map(landed: list[Landed] | tuple[Landed, ...], kind: int, L: np.ndarray) -> Map:
+def _map(landed: list[Landed] | tuple[Landed, ...], kind: int, L: np.ndarray) -> CausticMap:
     """Map of the photons of the sky (0) or of suns (1) of luminances L (bin,)."""
     column, parts = mi.TensorXf(flat(L), (len(L), 1)), []
     for one in landed:
@@ -98,4 +98,4 @@ def _map(landed: list[Landed] | tuple[Landed, ...], kind: int, L: np.ndarray) ->
         parts.append((D @ column).array if D.shape[1] else dr.zeros(mi.Float, D.shape[0]))
     E = dr.concat(parts)
     dr.eval(E)
-    return Map(landed[0], E)
+    return CausticMap(landed[0], E)

@@ -15,7 +15,7 @@ import xarray as xr
 from drcmitsuba_plugins.patches import Patches, patch_index
 from drcmitsuba_plugins.symbolic import symbolic
 
-from drcmitsuba.rendering.light_paths import Paths, TracedView
+from drcmitsuba.rendering.light_paths import PixelPaths, TracedView
 from drcmitsuba.rendering.surface_light import SurfaceLight
 from drcmitsuba.schema import mean_and_error
 
@@ -67,7 +67,12 @@ def _of_cells(light: SurfaceLight) -> mi.Float:
 
 
 def _slots(
-    traced: TracedView, paths: Paths, cells: mi.Float, glow: mi.Float, subdivision: int, bins: int
+    traced: TracedView,
+    paths: PixelPaths,
+    cells: mi.Float,
+    glow: mi.Float,
+    subdivision: int,
+    bins: int,
 ) -> np.ndarray:
     """Coefficients of some pixels in every replicate [1], shape (slot, bin)."""
     out, stride = dr.zeros(mi.Float, paths.slots * bins), dr.opaque(mi.UInt32, bins)
@@ -99,7 +104,7 @@ def _slots(
 
 
 def _add_surfaces(
-    out: mi.Float, traced: TracedView, paths: Paths, cells: mi.Float, glow: mi.Float,
+    out: mi.Float, traced: TracedView, paths: PixelPaths, cells: mi.Float, glow: mi.Float,
     stride: mi.UInt32,
 ) -> None:  # fmt: skip
     """Add what the surfaces reflect that rays show."""
@@ -123,7 +128,7 @@ def _add_surfaces(
 
 
 def _add_sums(
-    out: mi.Float, paths: Paths, at: mi.UInt32, share: mi.Float16, table: mi.Float,
+    out: mi.Float, paths: PixelPaths, at: mi.UInt32, share: mi.Float16, table: mi.Float,
     base: mi.UInt32, rays: int, start: int, stride: mi.UInt32,
 ) -> None:  # fmt: skip
     """Add the light of table entries on as many rays from each surface, a lane for each bin."""
@@ -142,7 +147,7 @@ def _add_sums(
 
 
 def _add_rays(
-    out: mi.Float, paths: Paths, weight: mi.Float, base: mi.UInt32, table: mi.Float,
+    out: mi.Float, paths: PixelPaths, weight: mi.Float, base: mi.UInt32, table: mi.Float,
     stride: mi.UInt32,
 ) -> None:  # fmt: skip
     """Add the light of cells on paths that follow all bounces, a lane for each vertex and bin."""

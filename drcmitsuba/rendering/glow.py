@@ -20,11 +20,11 @@ from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.films.films import Films
 from drcmitsuba.transport.films.peaks import Peaks, take_out
 from drcmitsuba.transport.panes.patches import PanePatches
-from drcmitsuba.transport.panes.transfer import Look, looks
+from drcmitsuba.transport.panes.transfer import PaneLook, looks
 
 
 @dataclass(frozen=True)
-class Glow:
+class GlowTable:
     """Table of the panes' radiance: its layout."""
 
     scene: Scene
@@ -101,7 +101,7 @@ class Glow:
                 dr.eval(at[-1], weight[-1])
         return dr.concat(at), dr.concat(weight)
 
-    def _entry(self, panes: Films | PanePatches, look: Look) -> tuple[mi.UInt32, mi.Bool]:
+    def _entry(self, panes: Films | PanePatches, look: PaneLook) -> tuple[mi.UInt32, mi.Bool]:
         if isinstance(panes, Films):
             return self._of_film(look.patch, look.d, look.front)
         return self._of_face(look.patch, look.front), mi.Bool(True)

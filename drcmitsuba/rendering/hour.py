@@ -12,11 +12,11 @@ import numpy as np
 from drcmitsuba_plugins.sampling import TO_UNIT, disk_solid_angle, random_bits, sample_disk
 from drcmitsuba_plugins.symbolic import symbolic
 
-from drcmitsuba.rendering.caustics import Map
-from drcmitsuba.rendering.light_paths import Paths, TracedView
+from drcmitsuba.rendering.caustics import CausticMap
+from drcmitsuba.rendering.light_paths import PixelPaths, TracedView
 from drcmitsuba.rendering.mirrored_sun import seen_in_rough
-from drcmitsuba.rendering.outside import Outside
-from drcmitsuba.rendering.surface_light import Glowing, Sources
+from drcmitsuba.rendering.outside import OutsideLuminances
+from drcmitsuba.rendering.surface_light import Glowing, HourSources
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.schema import mean_and_error
@@ -54,11 +54,11 @@ class _Tables:
     """Luminance of ground and patches [cd/m²]."""
     glow: Glowing
     """Panes that scatter."""
-    caustics: tuple[Map, ...]
+    caustics: tuple[CausticMap, ...]
     """Irradiance by components [lx]."""
 
 
-def luminance(traced: TracedView, outside: Outside, sky: np.ndarray) -> Luminance:
+def luminance(traced: TracedView, outside: OutsideLuminances, sky: np.ndarray) -> Luminance:
     """Luminance of a view at an instant, with the sun's disk.
 
     Parameters
@@ -77,7 +77,7 @@ def luminance(traced: TracedView, outside: Outside, sky: np.ndarray) -> Luminanc
     return Luminance(mean + disk, error, disk)
 
 
-def replicates(traced: TracedView, outside: Outside, sky: np.ndarray) -> np.ndarray:
+def replicates(traced: TracedView, outside: OutsideLuminances, sky: np.ndarray) -> np.ndarray:
     """Independent estimates of the luminance of a view at an instant.
 
     Parameters
@@ -97,11 +97,11 @@ def replicates(traced: TracedView, outside: Outside, sky: np.ndarray) -> np.ndar
     return np.concatenate(parts, axis=1).reshape(-1, traced.rows, traced.columns)
 
 
-def _tiles(traced: TracedView, outside: Outside, sky: np.ndarray) -> Iterator[np.ndarray]:
+def _tiles(traced: TracedView, outside: OutsideLuminances, sky: np.ndarray) -> Iterator[np.ndarray]:
     """Yield the replicates of some pixels at a time [cd/m²], shape (replicate, pixel)."""
     light = traced.light
     sun = outside.sun if _lights(traced, outside) else 0.0
-    sources = Sources(sky, sun, outside.direction)
+    sources = HourSources(sky, sun, outside.direction)
     by_sun = light.under(outside.direction) if sun > 0 else None
     glow = light.glow(traced.glow, sources, by_sun)
     caustics = () if traced.caustics is None else traced.caustics.under(sources)
@@ -112,14 +112,14 @@ def _tiles(traced: TracedView, outside: Outside, sky: np.ndarray) -> Iterator[np
         yield of_slots.reshape(-1, light.base.accuracy.replicates).T
 
 
-def _lights(traced: TracedView, outside: Outside) -> bool:
+def _lights(traced: TracedView, outside: OutsideLuminances) -> bool:
     """Whether the sun shines and can light what is simulated."""
     suns = Suns(("sun",), outside.direction[None], outside.diameter)
     return outside.sun > 0 and bool(traced.scene.effects.enabled_suns(suns)[0])
 
 
 def _slots(
-    traced: TracedView, paths: Paths, outside: Outside, tables: _Tables, sun: float
+    traced: TracedView, paths: PixelPaths, outside: OutsideLuminances, tables: _Tables, sun: float
 ) -> np.ndarray:
     """Luminance of some pixels in every replicate [cd/m²], shape (slot,)."""
     replicates = traced.light.base.accuracy.replicates
@@ -154,7 +154,7 @@ def _slots(
     return np.asarray(out.numpy()) / np.float32(traced.sampling.samples // replicates)
 
 
-def _irradiance(traced: TracedView, paths: Paths, tables: _Tables) -> mi.Float:
+def _irradiance(traced: TracedView, paths: PixelPaths, tables: _Tables) -> mi.Float:
     """Irradiance of the surfaces by all but the direct sun [lx]."""
     count = dr.width(paths.weight)
     replicate = paths.slot % traced.light.base.accuracy.replicates
@@ -195,7 +195,9 @@ def _sum(
     return total
 
 
-def _in_rough_mirrors(traced: TracedView, paths: Paths, outside: Outside) -> mi.Float:
+def _in_rough_mirrors(
+    traced: TracedView, paths: PixelPaths, outside: OutsideLuminances
+) -> mi.Float:
     """Luminance that rough mirrors show of the sun [cd/m²]."""
     number = dr.arange(mi.UInt32, dr.width(paths.rough)) + dr.opaque(mi.UInt32, paths.first)
     with traced.scene.ray_counter.purpose(Stream.EYE_SUN.name):
@@ -213,7 +215,7 @@ def _on_disk(traced: TracedView, number: mi.UInt32, purpose: int) -> mi.Point2f:
     return mi.Point2f(*(mi.Float(v >> 8) * TO_UNIT for v in random_bits(number, seed)))
 
 
-def _direct_sun(traced: TracedView, paths: Paths, outside: Outside) -> mi.Float:
+def _direct_sun(traced: TracedView, paths: PixelPaths, outside: OutsideLuminances) -> mi.Float:
     """Irradiance of the surfaces by the sun through openings and clear panes [lx]."""
     number = dr.arange(mi.UInt32, dr.width(paths.weight)) + dr.opaque(mi.UInt32, paths.first)
     centre = dr.opaque(mi.Vector3f, list(map(float, outside.direction)))
@@ -225,7 +227,7 @@ def _direct_sun(traced: TracedView, paths: Paths, outside: Outside) -> mi.Float:
     return dr.select(tau > 0, tau * cosine * E, 0)
 
 
-def _in_mirrors(traced: TracedView, paths: Paths, outside: Outside) -> mi.Float:
+def _in_mirrors(traced: TracedView, paths: PixelPaths, outside: OutsideLuminances) -> mi.Float:
     """Irradiance of the surfaces by the sun in planar mirrors and in rough ones [lx]."""
     seed, E = launch_seed(traced.light.base.accuracy.seed, Stream.EYE_SUN), mi.Float(0)
     number = dr.arange(mi.UInt32, dr.width(paths.weight)) + dr.opaque(mi.UInt32, paths.first)
@@ -243,7 +245,9 @@ def _in_mirrors(traced: TracedView, paths: Paths, outside: Outside) -> mi.Float:
     return E
 
 
-def _along_peaks(traced: TracedView, paths: Paths, outside: Outside, glow: Glowing) -> mi.Float:
+def _along_peaks(
+    traced: TracedView, paths: PixelPaths, outside: OutsideLuminances, glow: Glowing
+) -> mi.Float:
     """Irradiance of the surfaces by the sun in the narrow peaks of films [lx]."""
     films, E = traced.glow.films, mi.Float(0)
     number = dr.arange(mi.UInt32, dr.width(paths.weight)) + dr.opaque(mi.UInt32, paths.first)

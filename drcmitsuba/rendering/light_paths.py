@@ -20,17 +20,17 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.picture.view import PictureView
 from drcmitsuba.rendering.caustics import Caustics
 from drcmitsuba.rendering.eye_paths import EyePaths, follow
-from drcmitsuba.rendering.glow import Glow
+from drcmitsuba.rendering.glow import GlowTable
 from drcmitsuba.rendering.mirrored_sun import MirroredSun
-from drcmitsuba.rendering.sky_rays import Windows, sky_rays
+from drcmitsuba.rendering.sky_rays import SkyOpenings, sky_rays
 from drcmitsuba.rendering.surface_light import SurfaceLight, base_deposit
 from drcmitsuba.rendering.view_rays import pixel_rays
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.cells.cells import Cells, Grid
-from drcmitsuba.transport.cells.points import Draws
+from drcmitsuba.transport.cells.cells import CellGrid, Cells
+from drcmitsuba.transport.cells.points import CellPoints
 from drcmitsuba.transport.cells.vertices import Vertices
 from drcmitsuba.transport.gather.blocks import Gathered, with_weights
 from drcmitsuba.transport.gather.paths import gather
@@ -73,7 +73,7 @@ class Sampling:
 
 
 @dataclass(frozen=True)
-class Paths:
+class PixelPaths:
     """Light paths of some pixels; a `slot` is pixel · replicates + replicate."""
 
     first: int
@@ -146,8 +146,8 @@ class TracedView:
     columns: int
     sampling: Sampling
     light: SurfaceLight
-    glow: Glow
-    tiles: Callable[[], Iterator[Paths]]
+    glow: GlowTable
+    tiles: Callable[[], Iterator[PixelPaths]]
     """Gives the light paths of all pixels, some at a time."""
 
     @cached_property
@@ -185,17 +185,17 @@ class _Tracer:
 
     def __init__(
         self, scene: Scene, view: PictureView, rows: int, columns: int, sampling: Sampling,
-        accuracy: Accuracy, subdivision: int, glow: Glow, sun: MirroredSun,
+        accuracy: Accuracy, subdivision: int, glow: GlowTable, sun: MirroredSun,
     ):  # fmt: skip
         self.scene, self.view, self.rows, self.columns = scene, view, rows, columns
         self.sampling, self.accuracy, self.subdivision, self.glow = (
             sampling, accuracy, subdivision, glow,
         )  # fmt: skip
         self.sun = sun
-        self.windows, self.once = Windows.of(scene), scene.effects.solved_cells
-        self.grid = Grid.of(scene, accuracy.cell_size)
+        self.windows, self.once = SkyOpenings.of(scene), scene.effects.solved_cells
+        self.grid = CellGrid.of(scene, accuracy.cell_size)
         self.cells = Cells.none(self.grid)
-        self.drawn = Draws.none(accuracy.replicates)
+        self.drawn = CellPoints.none(accuracy.replicates)
         self.seen = mi.Float64()
         inside = in_rooms(scene, np.array([view.position]))
         self.in_room = None if inside is None else bool(inside[0])
@@ -209,7 +209,7 @@ class _Tracer:
         count, step = self.rows * self.columns, rows * self.columns
         return (slice(i, min(i + step, count)) for i in range(0, count, step))
 
-    def paths(self, here: slice) -> Paths:
+    def paths(self, here: slice) -> PixelPaths:
         """Trace the light paths of some pixels."""
         s, R = self.sampling.samples, self.accuracy.replicates
         lane = dr.arange(mi.UInt32, (here.stop - here.start) * s)
@@ -234,7 +234,7 @@ class _Tracer:
 
         surface = some(seen.weight)
         first, slots = here.start * R, (here.stop - here.start) * R
-        paths = Paths(
+        paths = PixelPaths(
             first, slots,
             _at(slot, through), _at(seen.d, through), _at(seen.through, through),
             _at(slot, mirrored), _at(seen.mirrored_d, mirrored), _at(seen.mirrored, mirrored),
@@ -317,7 +317,7 @@ class _Tracer:
 def trace(
     scene: Scene, view: PictureView, rows: int, columns: int, *, sampling: Sampling,
     accuracy: Accuracy, subdivision: int, diameter: float, progress: Progress = lambda share: None,
-    keep: Callable[[Paths], None] | None = None,
+    keep: Callable[[PixelPaths], None] | None = None,
 ) -> TracedView:  # fmt: skip
     """Trace the light paths of a picture.
 
@@ -347,7 +347,7 @@ def trace(
     traced = untraced(scene, view, rows, columns, sampling, accuracy, subdivision, diameter)
     sun = MirroredSun.of(scene, traced.images, diameter)
     tracer = _Tracer(scene, view, rows, columns, sampling, accuracy, subdivision, traced.glow, sun)
-    kept: list[Paths] = []
+    kept: list[PixelPaths] = []
     for here in tracer.pixels():
         (keep or kept.append)(tracer.paths(here))
         progress(0.9 * here.stop / (rows * columns))
@@ -365,6 +365,6 @@ def untraced(
 ) -> TracedView:  # fmt: skip
     """Begin a view, with the panes of its scene, but without cells and light paths."""
     base = base_deposit(scene, accuracy, subdivision, diameter)
-    glow = Glow(scene, base.films, base.patches)
-    light = SurfaceLight(base, mi.UInt32(), Draws.none(accuracy.replicates), None, None)
+    glow = GlowTable(scene, base.films, base.patches)
+    light = SurfaceLight(base, mi.UInt32(), CellPoints.none(accuracy.replicates), None, None)
     return TracedView(scene, view, rows, columns, sampling, light, glow, lambda: iter(()))

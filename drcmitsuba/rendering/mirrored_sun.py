@@ -1,9 +1,9 @@
 r"""Sun in mirrors that rays of the eye meet: what counts exactly, and what is left to chance.
 
-Planar mirrors show the sun's disk by exact geometry, see `Outside.disk_in`. At a rough mirror a
-point of the disk is drawn, and of each of its images in planar mirrors, and the BSDF tells how much
-of its light goes to the eye. Rays go on, and may leave the scene within the disk: then they count
-the share of its light that nothing else counts,
+Planar mirrors show the sun's disk by exact geometry, see `OutsideLuminances.disk_in`. At a rough
+mirror a point of the disk is drawn, and of each of its images in planar mirrors, and the BSDF tells
+how much of its light goes to the eye. Rays go on, and may leave the scene within the disk: then
+they count the share of its light that nothing else counts,
 
 * 0 after planar mirrors in turn that are one of their chains;
 * :math:`p\Omega / (1 + p\Omega)` after a rough mirror, and such a chain or none behind it, where p

@@ -28,7 +28,7 @@ MOST_PIXELS = 4096
 
 
 @dataclass(frozen=True)
-class Outside:
+class OutsideLuminances:
     """Luminances of the sky, the ground and the sun at an instant."""
 
     table: np.ndarray
@@ -44,7 +44,7 @@ class Outside:
     """Angle across the sun [deg]."""
 
     @classmethod
-    def of(cls, case: Case, light: Daylight, index: int) -> Outside:
+    def of(cls, case: Case, light: Daylight, index: int) -> OutsideLuminances:
         """Tabulate the sky at one of the time stamps of a daylight of instants."""
         here = light.sky.isel(time=index)
         altitude = np.linspace(0, np.pi / 2, ALTITUDES)[:, None]
@@ -61,11 +61,11 @@ class Outside:
             case.outside.sun_diameter,
         )  # fmt: skip
 
-    def without_sun(self) -> Outside:
+    def without_sun(self) -> OutsideLuminances:
         """Sky and ground alone."""
         return replace(self, sun=0.0)
 
-    def without_sky(self) -> Outside:
+    def without_sky(self) -> OutsideLuminances:
         """The sun alone."""
         return replace(self, table=np.zeros_like(self.table), ground=0.0)
 

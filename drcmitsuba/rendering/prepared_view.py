@@ -26,7 +26,7 @@ from drcmitsuba.rendering import stored_view
 from drcmitsuba.rendering.coefficient_pictures import coefficient_pictures
 from drcmitsuba.rendering.hour import luminance
 from drcmitsuba.rendering.light_paths import Sampling, TracedView, trace, untraced
-from drcmitsuba.rendering.outside import Outside
+from drcmitsuba.rendering.outside import OutsideLuminances
 from drcmitsuba.rendering.rendering import Rendering, Source, file_name
 from drcmitsuba.runtime import backend, storage
 from drcmitsuba.runtime.errors import InputError
@@ -86,7 +86,7 @@ class PreparedView:
         """
         instant = instant_of(time) if isinstance(time, str) else time
         light = daylight(self.case, np.array([instant]))
-        outside = Outside.of(self.case, light, 0)
+        outside = OutsideLuminances.of(self.case, light, 0)
         sky = light.sky["sky"].values[0]
         if source == "sky":
             outside = outside.without_sun()

@@ -32,14 +32,14 @@ EDGE = 1e-4
 
 
 @dataclass(frozen=True)
-class Windows:
+class SkyOpenings:
     """Openings of a room on which points are drawn: corners, edges and areas."""
 
     quads: np.ndarray
     """Parallelograms [m], shape (opening, 4, 3)."""
 
     @classmethod
-    def of(cls, scene: Scene) -> Windows:
+    def of(cls, scene: Scene) -> SkyOpenings:
         """Openings of a scene; none where it has no room, or too many of them."""
         room = scene.enclosure
         quads = np.zeros((0, 4, 3)) if room is None else room.openings
@@ -79,7 +79,7 @@ class Windows:
 
 
 def sky_rays(
-    scene: Scene, windows: Windows, p: mi.Point3f, n: mi.Normal3f, number: mi.UInt32, *,
+    scene: Scene, windows: SkyOpenings, p: mi.Point3f, n: mi.Normal3f, number: mi.UInt32, *,
     rays: int, subdivision: int, seed: int,
 ) -> tuple[mi.UInt32, mi.Float]:  # fmt: skip
     """Bins that rays from points reach, and their irradiance per unit radiance of the bin.

@@ -17,11 +17,11 @@ import mitsuba as mi
 import numpy as np
 import xarray as xr
 
-from drcmitsuba.rendering.light_paths import Paths, TracedView
+from drcmitsuba.rendering.light_paths import PixelPaths, TracedView
 from drcmitsuba.rendering.surface_light import SurfaceLight
 from drcmitsuba.runtime import zarr_folder
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.transport.cells.points import Draws
+from drcmitsuba.transport.cells.points import CellPoints
 from drcmitsuba.transport.interreflection.cell_rays import Blocks
 from drcmitsuba.transport.interreflection.solved_cells import OneBounce, Transfer
 
@@ -52,7 +52,7 @@ def _dataset(arrays: dict[str, Any], **attributes: Any) -> xr.Dataset:
     return xr.Dataset(data, attrs=attributes)
 
 
-def save_paths(paths: Paths, folder: Path) -> None:
+def save_paths(paths: PixelPaths, folder: Path) -> None:
     """Write the light paths of some pixels to a folder of a view."""
     part = _dataset(paths.arrays(), first=paths.first, slots=paths.slots)
     zarr_folder.write([part], folder / f"{paths.first:010d}.zarr", along="")
@@ -115,17 +115,17 @@ _KINDS = {"mi.UInt32": "UInt32", "mi.Float": "Float", "mi.Float16": "Float16",
           "mi.Vector3f": "Vector3f"}  # fmt: skip
 
 
-def _paths(folder: Path) -> Paths:
+def _paths(folder: Path) -> PixelPaths:
     """Light paths of some pixels."""
     with _opened(folder) as data:
         arrays = {
             f.name: _array(getattr(mi, _KINDS[str(f.type)]), data[f.name].values)
-            for f in fields(Paths)[2:]
+            for f in fields(PixelPaths)[2:]
         }
-        return Paths(int(data.attrs["first"]), int(data.attrs["slots"]), **arrays)
+        return PixelPaths(int(data.attrs["first"]), int(data.attrs["slots"]), **arrays)
 
 
-def tiles(folder: Path) -> Iterator[Paths]:
+def tiles(folder: Path) -> Iterator[PixelPaths]:
     """Light paths of all pixels, some at a time."""
     for part in sorted(folder.glob("[0-9]*.zarr")):
         yield _paths(part)
@@ -156,7 +156,7 @@ def load_cells(light: SurfaceLight, folder: Path) -> SurfaceLight:
 
         replicates, keys = range(light.base.accuracy.replicates), array("keys")
         points = {name: array(f"drawn_{name}") for name in DRAWN if f"drawn_{name}" in data}
-        drawn = Draws(len(replicates), dr.width(keys), **points)
+        drawn = CellPoints(len(replicates), dr.width(keys), **points)
         transfer = None
         if "blocks" in data.attrs:
             blocks = Blocks(array("blocks_of"), int(data.attrs["blocks"]), array("blocks_share"))

@@ -17,11 +17,11 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.rendering.glow import Glow
+from drcmitsuba.rendering.glow import GlowTable
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.cells.points import Draws
+from drcmitsuba.transport.cells.points import CellPoints
 from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.films.films import Films
 from drcmitsuba.transport.films.peaks import Peaks
@@ -32,7 +32,7 @@ from drcmitsuba.transport.replicate import Replicates
 
 
 @dataclass(frozen=True)
-class Sources:
+class HourSources:
     """Light of an hour."""
 
     sky: np.ndarray
@@ -74,7 +74,7 @@ class SurfaceLight:
     """Deposit by the sky alone, before `lit`."""
     keys: mi.UInt32
     """Key of every cell."""
-    drawn: Draws
+    drawn: CellPoints
     """Points that stand for the cells in every replicate."""
     transfer: Transfer | None
     """Light between cells; None where paths follow all bounces."""
@@ -85,7 +85,7 @@ class SurfaceLight:
 
     @classmethod
     def of(
-        cls, base: Deposit, keys: mi.UInt32, drawn: Draws, transfer: Transfer | None
+        cls, base: Deposit, keys: mi.UInt32, drawn: CellPoints, transfer: Transfer | None
     ) -> SurfaceLight:
         """Compute the light of the sky."""
         none, followed = np.zeros((0, 3)), base.scene.followed and dr.width(keys) > 0
@@ -127,7 +127,7 @@ class SurfaceLight:
         films = None if base.films is None else base.films.with_suns(suns, base.diameter)
         return self._lit(replace(base, suns=suns, subdivision=None, films=films))
 
-    def irradiance(self, sources: Sources, by_sun: Replicates | None) -> mi.Float:
+    def irradiance(self, sources: HourSources, by_sun: Replicates | None) -> mi.Float:
         """Irradiance of the cells [lx], flat (replicate, cell)."""
         if self.sky is None or not self.cells:
             return mi.Float(0)
@@ -136,7 +136,7 @@ class SurfaceLight:
             E += _irradiance(by_sun, 1, np.array([sources.sun]))
         return E
 
-    def glow(self, glow: Glow, sources: Sources, by_sun: Replicates | None) -> Glowing:
+    def glow(self, glow: GlowTable, sources: HourSources, by_sun: Replicates | None) -> Glowing:
         """Panes as they glow under the sources."""
         if not len(glow):
             return Glowing(mi.Float(0), mi.Float(0), ())

@@ -43,7 +43,7 @@ _RIGHT = np.array([1.0, 1.0, 0.0]) / np.sqrt(2)
 _UP = np.array([-0.5, 0.5, np.sqrt(1.5)]) / np.sqrt(2)
 
 
-class Drawn(NamedTuple):
+class DrawnSurfaces(NamedTuple):
     """Surfaces to draw."""
 
     kind: str
@@ -55,10 +55,14 @@ class Drawn(NamedTuple):
 
 
 def scene_view(
-    drawn: Sequence[Drawn], sensors: np.ndarray, *, title: str = "", names: Sequence[str] = (),
+    drawn: Sequence[DrawnSurfaces],
+    sensors: np.ndarray,
+    *,
+    title: str = "",
+    names: Sequence[str] = (),
     views: Mapping[str, np.ndarray] = MappingProxyType({}),
     north: Sequence[float] | np.ndarray = (0.0, 1.0),
-) -> Figure:  # fmt: skip
+) -> Figure:
     """Draw a scene in plan, in section along the x axis, and from above at an angle.
 
     Parameters
@@ -122,7 +126,9 @@ class _Lines(NamedTuple):
     style: dict[str, Any]
 
     @classmethod
-    def of(cls, kind: str, group: str, drawn: Sequence[Drawn], style: dict[str, Any]) -> _Lines:
+    def of(
+        cls, kind: str, group: str, drawn: Sequence[DrawnSurfaces], style: dict[str, Any]
+    ) -> _Lines:
         """Join what is drawn alike."""
         mine = [one.quads for one in drawn if (one.kind, one.group) == (kind, group)]
         quads = np.concatenate([np.zeros((0, 4, 3)), *mine])

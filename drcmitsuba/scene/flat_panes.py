@@ -28,7 +28,7 @@ NEAR = 1e-5
 """Distance within which points count as the same [m]."""
 
 
-class Plane(NamedTuple):
+class PanesInPlane(NamedTuple):
     """Panes of one kind in a plane. A kernel reads the numbers, as those of `Openings`."""
 
     pane: Any
@@ -44,7 +44,7 @@ class Plane(NamedTuple):
     """The panes, shape (pane, 4, 3)."""
 
     @classmethod
-    def of(cls, quads: np.ndarray, pane: Any) -> Plane | None:
+    def of(cls, quads: np.ndarray, pane: Any) -> PanesInPlane | None:
         """Plane of rectangles (pane, 4, 3) that are parallel to each other; None for others."""
         if len(quads) > MOST_PANES or is_triangle(quads).any():
             return None
@@ -61,7 +61,7 @@ class Plane(NamedTuple):
         dr.eval(start, normal, along, up, bounds)
         return cls(pane, start, normal, along, up, bounds, quads)
 
-    def touches(self, other: Plane) -> bool:
+    def touches(self, other: PanesInPlane) -> bool:
         """Whether a pane lies upon one of another plane: a search finds only one of them."""
         axes = _axes(self.quads)
         mine, theirs = (quads @ axes.T for quads in (self.quads, other.quads))
@@ -95,12 +95,12 @@ def _axes(quads: np.ndarray) -> np.ndarray:
 class FlatPanes:
     """All clear panes of a scene."""
 
-    planes: tuple[Plane, ...]
+    planes: tuple[PanesInPlane, ...]
 
     @classmethod
     def of(cls, kinds: Iterable[tuple[np.ndarray, Any]]) -> FlatPanes | None:
         """Panes of some kinds, rectangles (pane, 4, 3) [m] and their BSDF; None where unfit."""
-        planes: list[Plane] = []
+        planes: list[PanesInPlane] = []
         for quads, pane in kinds:
             n = normals(quads)
             n *= np.sign(n[np.arange(len(n)), abs(n).argmax(axis=1)])[:, None]  # either side
@@ -108,7 +108,7 @@ class FlatPanes:
             rows = np.round(np.column_stack([n, height]) / NEAR)
             _, plane = np.unique(rows, axis=0, return_inverse=True)
             for number in range(plane.max() + 1):
-                made = Plane.of(quads[plane.ravel() == number], pane)
+                made = PanesInPlane.of(quads[plane.ravel() == number], pane)
                 if made is None or len(planes) == MOST_PLANES:
                     return None
                 planes.append(made)

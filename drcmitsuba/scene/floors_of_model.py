@@ -34,7 +34,7 @@ LEAST_ROOM = 1.0
 """Area of the smallest room [m²]: what surfaces cut off below it is a column or a cupboard."""
 
 
-class Room(NamedTuple):
+class FloorPart(NamedTuple):
     """Part of a floor that walls cut off from its other parts."""
 
     name: str
@@ -45,7 +45,7 @@ class Room(NamedTuple):
     """Shape in plan, a `shapely.Polygon` [m]."""
 
 
-def rooms_of(model: Model, patterns: tuple[str, ...], above: float, source: str) -> list[Room]:
+def rooms_of(model: Model, patterns: tuple[str, ...], above: float, source: str) -> list[FloorPart]:
     """Rooms on the level polygons of some materials, floor by floor from the lowest.
 
     Polygons that are level count, whichever side is their front; those of one height are joined.
@@ -82,7 +82,7 @@ def rooms_of(model: Model, patterns: tuple[str, ...], above: float, source: str)
         if any(_is_level(layer.quads[..., [0, 2, 1]]).any() for _, layer in named):
             remedy += ', or give up = "y" in [model] where y is up in its files'
         raise InputError(source, "sensors.floors", got, remedy)
-    rooms: list[Room] = []
+    rooms: list[FloorPart] = []
     for rounded in np.unique(np.round(heights / SAME_HEIGHT)) * SAME_HEIGHT:
         at = np.abs(heights - rounded) <= SAME_HEIGHT / 2 + 1e-9
         height = float(heights[at].mean())
@@ -93,7 +93,7 @@ def rooms_of(model: Model, patterns: tuple[str, ...], above: float, source: str)
                 shapes[name] = in_plan(level[here])
         whole = _grown(shapely.union_all([_grown(s, 1e-3) for s in shapes.values()]), -1e-3)
         for part in parted(model, whole, height + above):
-            rooms.append(Room(_name(shapes, part), height, part))
+            rooms.append(FloorPart(_name(shapes, part), height, part))
     return _numbered(rooms)
 
 
@@ -108,7 +108,7 @@ def _name(shapes: Mapping[str, Any], part: Any) -> str:
     return max(shapes, key=lambda name: shapes[name].intersection(part).area)
 
 
-def _numbered(rooms: list[Room]) -> list[Room]:
+def _numbered(rooms: list[FloorPart]) -> list[FloorPart]:
     """Rooms with a number behind names that come more than once."""
     names, numbers = [room.name for room in rooms], dict[str, int]()
     out = []

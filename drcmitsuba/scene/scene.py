@@ -32,7 +32,7 @@ from drcmitsuba.schema import LUMINANCE_WEIGHTS
 
 
 @dataclass(frozen=True)
-class Part(Surface):
+class ScenePart(Surface):
     """Surfaces of one component and BSDF, which photons distinguish."""
 
     bsdf: Any = None
@@ -54,7 +54,7 @@ class Scene:
     """The room, where there is one."""
     near: np.ndarray | None = None
     """Bounds of the rooms of a model [m], shape (2, 3): cells grow beyond them."""
-    parts: tuple[Part, ...] = ()
+    parts: tuple[ScenePart, ...] = ()
     """All surfaces, by BSDF."""
     channel: int = -1
     """Colour channel, 0 to 2; −1 for luminance."""
@@ -77,16 +77,16 @@ class Scene:
     """Number of rays traced."""
 
     @property
-    def scattering(self) -> tuple[Part, ...]:
+    def scattering(self) -> tuple[ScenePart, ...]:
         """Diffusing panes of the room, for the deposit D by points on them."""
         return self._panes(DiffuserMaterial)
 
     @property
-    def films(self) -> tuple[Part, ...]:
+    def films(self) -> tuple[ScenePart, ...]:
         """Panes of the room with a measured BSDF, the plugin `tensor_tree` or `klems`."""
         return self._panes(BsdfMaterial)
 
-    def _panes(self, kind: type) -> tuple[Part, ...]:
+    def _panes(self, kind: type) -> tuple[ScenePart, ...]:
         return tuple(p for p in self.parts if isinstance(p.material, kind) and not p.component)
 
     @property
@@ -143,11 +143,11 @@ def build(
         key = (surface.component, surface.material, surface.closed)
         groups.setdefault(key, []).append(surface)
     # One mesh for each material and component: many shapes slow tracing.
-    parts: list[Part] = []
+    parts: list[ScenePart] = []
     shapes = {}
     for (component, m, closed), group in groups.items():
         quads = np.concatenate([s.quads for s in group])
-        part = Part(group[0].name, m, quads, component, closed, loaded(m, channel))
+        part = ScenePart(group[0].name, m, quads, component, closed, loaded(m, channel))
         shapes[f"shape{len(parts)}"] = quad_mesh(part.name, quads, part.bsdf)
         parts.append(part)
     is_clear = [lets_through(part.material) for part in parts]
@@ -177,7 +177,7 @@ def build(
     )
 
 
-def _of_box(room: Enclosure, parts: Sequence[Part]) -> dict[str, Any]:
+def _of_box(room: Enclosure, parts: Sequence[ScenePart]) -> dict[str, Any]:
     """Fields of a scene that only box rooms have: `occluders`, `faces`, `apart`."""
     opaque = (room.may_hide(p.quads) & (not lets_through(p.material)) for p in parts)
     only: dict[str, Any] = {"occluders": _of_quads(parts, opaque)}
@@ -189,7 +189,7 @@ def _of_box(room: Enclosure, parts: Sequence[Part]) -> dict[str, Any]:
     return only
 
 
-def _of_quads(parts: Sequence[Part], masks: Iterable[np.ndarray]) -> mi.Scene:
+def _of_quads(parts: Sequence[ScenePart], masks: Iterable[np.ndarray]) -> mi.Scene:
     """Scene of some quads of the parts, a mask (quad,) of each."""
     some = [(p, p.quads[mask]) for p, mask in zip(parts, masks, strict=True) if mask.any()]
     meshes = {f"shape{i}": quad_mesh(p.name, q, p.bsdf) for i, (p, q) in enumerate(some)}

@@ -19,7 +19,7 @@ from drcmitsuba.case.sensors import (
     PointSensors,
     Sensors,
 )
-from drcmitsuba.model.model import Grid, Model
+from drcmitsuba.model.model import Model, SensorGrid
 from drcmitsuba.model.notes import MOST_NAMES
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.components import inside
@@ -44,7 +44,7 @@ LIFT = NEAR + 1e-5
 class PlacedSensors:
     """Sensors where illuminance is computed, with notes on those moved or left out."""
 
-    grids: tuple[Grid, ...]
+    grids: tuple[SensorGrid, ...]
     notes: tuple[str, ...] = ()
     outside: bool = False
     """Whether they stand before a façade or under the sky, not in rooms."""
@@ -198,7 +198,7 @@ def sensors_of_model(
     return made.without(out, "outside of the rooms") if out.any() else made
 
 
-def _placed(model: Model, sensors: AnySensors, source: str) -> tuple[Grid, ...]:
+def _placed(model: Model, sensors: AnySensors, source: str) -> tuple[SensorGrid, ...]:
     """Grids of the sensors, at most `MOST_GRIDS` with `MOST_SENSORS` points."""
     if isinstance(sensors, Sensors):
         return (_box_grid(sensors),)
@@ -213,13 +213,13 @@ def _placed(model: Model, sensors: AnySensors, source: str) -> tuple[Grid, ...]:
     return grids
 
 
-def _box_grid(grid: Sensors) -> Grid:
+def _box_grid(grid: Sensors) -> SensorGrid:
     """Rectangular grid of points that face up [m]."""
     x = grid.corner[0] + (np.arange(grid.count[0]) + 0.5) * grid.spacing
     y = grid.corner[1] + (np.arange(grid.count[1]) + 0.5) * grid.spacing
     points = np.stack([np.tile(x, len(y)), np.repeat(y, len(x))], axis=-1)
     points = np.column_stack([points, np.full(len(points), grid.corner[2])])
-    return Grid("", points, np.tile([0.0, 0.0, 1.0], (len(points), 1)))
+    return SensorGrid("", points, np.tile([0.0, 0.0, 1.0], (len(points), 1)))
 
 
 def refuse_in_solids(

@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 
 from drcmitsuba.case.sensors import MOST_SENSORS, FloorSensors, PointSensors
-from drcmitsuba.model.model import Grid, Layer, Model
+from drcmitsuba.model.model import Layer, Model, SensorGrid
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.toml import choose, shortened
@@ -27,7 +27,7 @@ _AROUND = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES), np.zeros(16)])
 """Level directions to walls."""
 
 
-def above_floors(model: Model, sensors: FloorSensors, source: str) -> tuple[Grid, ...]:
+def above_floors(model: Model, sensors: FloorSensors, source: str) -> tuple[SensorGrid, ...]:
     """Grids of points that face up, one above each room's floor, in the model's frame [m].
 
     The points of a room stand in the middles of equal squares, of `spacing` at most, that cover
@@ -73,16 +73,16 @@ def above_floors(model: Model, sensors: FloorSensors, source: str) -> tuple[Grid
         for (name, points), is_free in zip(grids, np.split(free, ends), strict=True)
     ]
     up = np.array([0.0, 0.0, 1.0])
-    return tuple(Grid(name, p, np.tile(up, (len(p), 1))) for name, p in kept if len(p))
+    return tuple(SensorGrid(name, p, np.tile(up, (len(p), 1))) for name, p in kept if len(p))
 
 
-def listed(model: Model, sensors: PointSensors, source: str) -> tuple[Grid, ...]:
+def listed(model: Model, sensors: PointSensors, source: str) -> tuple[SensorGrid, ...]:
     """Points of a file or a case, or grids of a model by their names, in the model's frame [m]."""
     if isinstance(sensors.points, tuple):
         whole = [row if len(row) == 6 else (*row, 0, 0, 1) for row in sensors.points]
         rows = np.array(whole, float)
         normals = rows[:, 3:] / np.linalg.norm(rows[:, 3:], axis=1, keepdims=True)
-        return (Grid("", rows[:, :3], normals),)
+        return (SensorGrid("", rows[:, :3], normals),)
     if sensors.points is not None:
         from drcmitsuba.model.radiance import read_points
 

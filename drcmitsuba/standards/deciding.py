@@ -13,7 +13,7 @@ from drcmitsuba.metrics import thresholds
 from drcmitsuba.metrics.intervals.rules import TAIL
 from drcmitsuba.standards.quantities import Counted, stamps_needed
 from drcmitsuba.standards.standard import Limit, Quantity
-from drcmitsuba.standards.year import OF_LIGHT, Year
+from drcmitsuba.standards.year import OF_LIGHT, StandardYear
 
 MOST_POINTS = 20
 """Largest number of points that are listed."""
@@ -101,7 +101,7 @@ def _largest(values: list[float]) -> list[int]:
 
 
 def deciding(
-    limit: Limit, quantity: Quantity, counted: Counted, year: Year, space: int | None
+    limit: Limit, quantity: Quantity, counted: Counted, year: StandardYear, space: int | None
 ) -> Deciding:
     """Find what decides a limit of a quantity.
 
@@ -164,14 +164,14 @@ def _at_moments(limit: Limit, counted: Counted, value: float, space: int | None)
     return Deciding(limit.quantity, holds, number, "points", [], undecided, *none)
 
 
-def _mean_of_space(year: Year, space: int) -> np.ndarray:
+def _mean_of_space(year: StandardYear, space: int) -> np.ndarray:
     """Mean illuminance of a space's points, shade open (time,) [lx]."""
     E = year.illuminance["total_open"].values[:, year.space == space]
     return np.asarray(E.mean(axis=1, dtype=float))
 
 
 def _below(
-    E: np.ndarray, threshold: float, sensors: np.ndarray, year: Year
+    E: np.ndarray, threshold: float, sensors: np.ndarray, year: StandardYear
 ) -> tuple[list[float], list[float]]:
     """Hours of daylight below a threshold by month and by hour, mean of some sensors [h]."""
     coords = year.illuminance.coords
@@ -183,7 +183,7 @@ def _below(
     return by_month.round(1).tolist(), by_hour.round(1).tolist()
 
 
-def _point(year: Year, sensor: int, more: float) -> dict[str, Any]:
+def _point(year: StandardYear, sensor: int, more: float) -> dict[str, Any]:
     """Place of a point, and the hours that it has more than needed."""
     E = year.illuminance
     place = {axis: round(float(E[axis].values[sensor]), 4) for axis in "xyz"}

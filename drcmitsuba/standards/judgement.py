@@ -13,7 +13,7 @@ from drcmitsuba.standards.quantities import Counted, count
 from drcmitsuba.standards.standard import Quantity, Standard, names, read
 from drcmitsuba.standards.terms import Terms, in_place
 from drcmitsuba.standards.verdict import Verdict, assess
-from drcmitsuba.standards.year import Year
+from drcmitsuba.standards.year import StandardYear
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class _Judge:
     """Years by hours, and quantities by what they count: standards share them."""
 
     evidence: Evidence
-    years: dict[str, Year] = field(default_factory=dict)
+    years: dict[str, StandardYear] = field(default_factory=dict)
     counted: dict[tuple, Counted] = field(default_factory=dict)
 
     def verdict(self, name: str) -> Verdict:
@@ -43,7 +43,7 @@ class _Judge:
         step = float(E.attrs.get("step_hours", 1.0))
         if standard.hours not in self.years:
             at = hours_of(standard, E, step, evidence.source, evidence.sky)
-            self.years[standard.hours] = Year(evidence, at)
+            self.years[standard.hours] = StandardYear(evidence, at)
         check_facing(E, evidence.source)
         check_spacing(standard, E, evidence.source)
         year = self.years[standard.hours]

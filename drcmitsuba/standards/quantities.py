@@ -16,7 +16,7 @@ from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.schema import by_luminance
 from drcmitsuba.standards.coverage import MOMENTS
 from drcmitsuba.standards.standard import Quantity
-from drcmitsuba.standards.year import OF_LIGHT, Year
+from drcmitsuba.standards.year import OF_LIGHT, StandardYear
 
 SENSORS = 1024
 """Number of sensors whose moments are drawn at once."""
@@ -25,7 +25,7 @@ OF_MEAN = ("replicates", "sun_straight", "sun_straight_se", "mesh_error")
 
 
 @dataclass(frozen=True)
-class Drawn:
+class DrawnQuantity:
     """Draws of a quantity."""
 
     all: np.ndarray
@@ -47,7 +47,7 @@ class Counted:
     """Value of every space by itself [% or h], shape (space,)."""
     hours: np.ndarray
     """Hours of the threshold at each point, or in the mean of each space [h], (point or space,)."""
-    drawn: Drawn | None
+    drawn: DrawnQuantity | None
     """Draws; None without replicates."""
     bounds: tuple[float, float]
     """Where it stands with all errors of E in one direction, and in the other [% or h]."""
@@ -86,14 +86,14 @@ class Counted:
         return [drawn, 2 * value - drawn if self.mirrored else drawn]
 
 
-def stamps_needed(quantity: Quantity, year: Year) -> int:
+def stamps_needed(quantity: Quantity, year: StandardYear) -> int:
     """Number of time stamps in which a quantity asks for its threshold."""
     if quantity.fraction is not None:
         return metrics.autonomy_stamps(quantity.fraction, len(year.at))
     return metrics.exposure_stamps(quantity.hours or 0.0, year.step_hours)
 
 
-def count(quantity: Quantity, year: Year) -> Counted:
+def count(quantity: Quantity, year: StandardYear) -> Counted:
     """Count a quantity in E and in every draw.
 
     Raises
@@ -105,7 +105,7 @@ def count(quantity: Quantity, year: Year) -> Counted:
     return ways[quantity.of](quantity, year)
 
 
-def _points(quantity: Quantity, year: Year) -> Counted:
+def _points(quantity: Quantity, year: StandardYear) -> Counted:
     """Share of the points that reach the threshold for long enough [%]."""
     name, limit = OF_LIGHT[quantity.light], quantity.threshold
     required, sizes = stamps_needed(quantity, year), np.bincount(year.space)
@@ -117,7 +117,7 @@ def _points(quantity: Quantity, year: Year) -> Counted:
     if year.can_draw(quantity.light):
         tally = year.tally(quantity.light, limit, required)
         spaces = np.stack([tally.shares(i)[0] for i in range(len(sizes))])
-        drawn = Drawn(tally.shares()[0], spaces, tally.passing)
+        drawn = DrawnQuantity(tally.shares()[0], spaces, tally.passing)
     else:
         half = _factor(year) * year.illuminance[f"{name}_se"].values
         low, high = (thresholds.stamps_reached(end, limit) for end in (E - half, E + half))
@@ -128,7 +128,7 @@ def _points(quantity: Quantity, year: Year) -> Counted:
     return Counted("%", value, by_space, hours, drawn, bounds, not is_sun, needed, year.space)
 
 
-def _moments(quantity: Quantity, year: Year) -> Counted:
+def _moments(quantity: Quantity, year: StandardYear) -> Counted:
     """Share of the points that lie within limits at every moment [%], E being a mean of days."""
     low, high = quantity.threshold, quantity.at_most or np.inf
     E, half = (of_moments(year.illuminance[f"total_open{suffix}"].values) for suffix in ("", "_se"))
@@ -142,7 +142,7 @@ def _moments(quantity: Quantity, year: Year) -> Counted:
     drawn, bounds = None, (thresholds.share(np.asarray(sure)), thresholds.share(np.asarray(may)))
     if year.can_draw(quantity.light):
         by_space, passing = _drawn_moments(year, low, high)
-        drawn = Drawn(sizes @ by_space / sizes.sum(), by_space, passing)
+        drawn = DrawnQuantity(sizes @ by_space / sizes.sum(), by_space, passing)
     value, by_space = thresholds.share(held), 100.0 * np.bincount(year.space, held) / sizes
     hours = np.count_nonzero(within, axis=0) * year.step_hours
     needed = len(MOMENTS) * year.step_hours
@@ -154,7 +154,7 @@ def of_moments(E: np.ndarray) -> np.ndarray:
     return np.asarray(E.reshape(len(MOMENTS), -1, *E.shape[1:]).mean(axis=1, dtype=float))
 
 
-def _drawn_moments(year: Year, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
+def _drawn_moments(year: StandardYear, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
     """Share of a space's points within limits [%], (space, draw), and of the draws, (sensor,)."""
     state, sizes = year.open_state, np.bincount(year.space)
     assert year.replicates is not None
@@ -175,7 +175,7 @@ def _drawn_moments(year: Year, low: float, high: float) -> tuple[np.ndarray, np.
     return 100.0 * count / sizes[:, None], passing
 
 
-def _mean_hours(quantity: Quantity, year: Year) -> Counted:
+def _mean_hours(quantity: Quantity, year: StandardYear) -> Counted:
     """Hours in which the mean of each space's points reaches the threshold, shade open [h]."""
     limit, step, spaces = quantity.threshold, year.step_hours, list(year.spaces.values())
     mean, error = (
@@ -189,13 +189,13 @@ def _mean_hours(quantity: Quantity, year: Year) -> Counted:
     drawn = None
     if year.can_draw(quantity.light):
         by_space = step * _drawn_means(year, limit)
-        drawn = Drawn(by_space.min(axis=0), by_space, None)
+        drawn = DrawnQuantity(by_space.min(axis=0), by_space, None)
     bounds = float(low.min()), float(high.min())
     each, needed = np.arange(len(spaces)), stamps_needed(quantity, year) * step
     return Counted("h", float(hours.min()), hours, hours, drawn, bounds, True, needed, each)
 
 
-def _drawn_means(year: Year, limit: float) -> np.ndarray:
+def _drawn_means(year: StandardYear, limit: float) -> np.ndarray:
     """Time stamps at which the mean of each space reaches a limit, int, (space, draw)."""
     assert year.replicates is not None
     C, sky = year.replicates
@@ -219,6 +219,6 @@ def _drawn_means(year: Year, limit: float) -> np.ndarray:
     return out
 
 
-def _factor(year: Year) -> float:
+def _factor(year: StandardYear) -> float:
     """Standard errors of E in half of its interval."""
     return float(year.illuminance.attrs.get("interval_factor", 1.96))

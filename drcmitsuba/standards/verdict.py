@@ -13,7 +13,7 @@ from drcmitsuba.standards.coverage import clearest_days, spacings
 from drcmitsuba.standards.deciding import Deciding, deciding
 from drcmitsuba.standards.quantities import Counted
 from drcmitsuba.standards.standard import Level, Limit, Standard
-from drcmitsuba.standards.year import Year
+from drcmitsuba.standards.year import StandardYear
 
 TINY = 1e-9
 """Difference that counts as a tie: mirror images of shares have errors of rounding."""
@@ -108,7 +108,9 @@ class Verdict:
         return "not reached" if self.level is None else self.level
 
 
-def assess(name: str, standard: Standard, year: Year, counted: dict[str, Counted]) -> Verdict:
+def assess(
+    name: str, standard: Standard, year: StandardYear, counted: dict[str, Counted]
+) -> Verdict:
     """Judge the hours of a standard by its levels.
 
     `counted` holds its quantities, from `quantities.count`.
@@ -134,7 +136,7 @@ def assess(name: str, standard: Standard, year: Year, counted: dict[str, Counted
     )  # fmt: skip
 
 
-def outcome(level: Level, counted: dict[str, Counted], year: Year) -> Outcome:
+def outcome(level: Level, counted: dict[str, Counted], year: StandardYear) -> Outcome:
     """Judge one level.
 
     Its probability is the share of the draws that reach it, mean of the draws and of their mirror
@@ -183,7 +185,7 @@ class _Closest(NamedTuple):
     """Space whose limit it is, where the limits are asked of each."""
 
 
-def _closest(level: Level, counted: dict[str, Counted], year: Year) -> _Closest:
+def _closest(level: Level, counted: dict[str, Counted], year: StandardYear) -> _Closest:
     """Limit that is likeliest to fail.
 
     Where a share of the area has to hold the limits, it is that of the space with which this share
@@ -243,7 +245,7 @@ def _nearest(levels: tuple[Outcome, ...]) -> int:
     return next((i for i, o in enumerate(levels) if not o.reached), len(levels) - 1)
 
 
-def _duties(standard: Standard, counted: dict[str, Counted], year: Year) -> list[str]:
+def _duties(standard: Standard, counted: dict[str, Counted], year: StandardYear) -> list[str]:
     out = []
     for flag in standard.flags:
         c = counted[flag.quantity]
@@ -257,7 +259,7 @@ def _duties(standard: Standard, counted: dict[str, Counted], year: Year) -> list
     return out
 
 
-def _notes(standard: Standard, year: Year) -> list[str]:
+def _notes(standard: Standard, year: StandardYear) -> list[str]:
     """Notes on what the verdict presumes."""
     notes, E = [], year.illuminance.attrs
     if standard.hours == "equinox":

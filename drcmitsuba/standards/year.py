@@ -24,7 +24,7 @@ OF_LIGHT = {"total": "total", "open": "total_open", "direct_sun": "direct_sun"}
 
 
 @dataclass(frozen=True)
-class Year:
+class StandardYear:
     """E at the hours of a standard."""
 
     evidence: Evidence

@@ -27,7 +27,7 @@ from drcmitsuba.runtime.random_streams import (
     number_in_replicate,
 )
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.films.films import EvenRows, Films, Lit
+from drcmitsuba.transport.films.films import EvenRows, Films, LitFilms
 from drcmitsuba.transport.films.looks import Looked
 from drcmitsuba.transport.films.peaks import peak_deposit
 from drcmitsuba.transport.light.irradiance import Irradiance
@@ -68,7 +68,7 @@ class Deposit:
     """Panes with a measured BSDF."""
     faces: Irradiance | None = None
     """E on the faces of `patches`; see `lit`."""
-    on_films: Lit | None = None
+    on_films: LitFilms | None = None
     """D on the films, and the radiance that they send on."""
     accepts: Accepts | None = None
     """Share of straight light that counts at the receivers; None where all of it does."""
@@ -262,7 +262,7 @@ class Deposit:
         with self.launch(key, Draw.SKY) as seed:
             to_sky = self.films.answer_to_sky(self.subdivision, samples, seed)
         to_suns, peaks = self.films.without_peaks(to_suns)
-        return replace(self, on_films=Lit(sun, to_suns, to_sky, peaks))
+        return replace(self, on_films=LitFilms(sun, to_suns, to_sky, peaks))
 
     def by_films(
         self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None = None,

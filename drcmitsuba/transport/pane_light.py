@@ -14,7 +14,7 @@ from drcmitsuba.transport.films.answers import SunCells, SunRadiance
 from drcmitsuba.transport.films.films import EvenRows, Films
 from drcmitsuba.transport.films.looks import Looked
 from drcmitsuba.transport.light.irradiance import Irradiance
-from drcmitsuba.transport.light.lit_cells import Reached
+from drcmitsuba.transport.light.lit_cells import LitCells
 from drcmitsuba.transport.light.products import by_replicate, rows_of
 from drcmitsuba.transport.rays.openings import Within
 
@@ -51,7 +51,7 @@ class FromPanes(NamedTuple):
     `Transfer.followed` takes its place."""
     light: Light
     """Irradiance on faces [sr], shape (replicate · part, bin) each, or sunlight on a film."""
-    reached: Reached | None = None
+    reached: LitCells | None = None
     """Cells and parts with light of `cells`."""
 
 

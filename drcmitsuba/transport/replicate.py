@@ -10,13 +10,13 @@ import mitsuba as mi
 
 from drcmitsuba.runtime.flat_arrays import repeated
 from drcmitsuba.runtime.random_streams import Stream, number_in_replicate
-from drcmitsuba.transport.cells.points import Draws
+from drcmitsuba.transport.cells.points import CellPoints
 from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.gather.blocks import Met
 from drcmitsuba.transport.interreflection.first_bounce import MANY, CellLight
 from drcmitsuba.transport.interreflection.solved_cells import Followed, Transfer
 from drcmitsuba.transport.light.irradiance import Irradiance
-from drcmitsuba.transport.light.lit_cells import Reached
+from drcmitsuba.transport.light.lit_cells import LitCells
 from drcmitsuba.transport.light.products import PathMatrix, RayMatrix, product
 from drcmitsuba.transport.pane_light import FromPanes, by_panes, stacked
 from drcmitsuba.transport.photons.light import Landed
@@ -44,7 +44,7 @@ class Replicates:
     """Number of sensors that gather the light of cells; None where it is asked for itself."""
     cells: Irradiance | None = None
     """D of the cells, shape (replicate · cell, bin) each."""
-    reached: tuple[Reached, Reached] | None = None
+    reached: tuple[LitCells, LitCells] | None = None
     """Cells and bins with light of `cells`."""
     indirect: Irradiance | None = None
     """Light Y that cells have reflected, shape (replicate · cell, bin) each; None where nothing is
@@ -74,7 +74,7 @@ class Replicates:
         """Count the replicates."""
         return len(self.numbers)
 
-    def meet(self, drawn: Draws, keys: mi.UInt32, within: Within = None) -> None:
+    def meet(self, drawn: CellPoints, keys: mi.UInt32, within: Within = None) -> None:
         """Compute D of the cells [sr] at the points that stand for them, and what they reflect.
 
         Where parts of panes are fewer than bins, their light stays apart. `drawn` are the points in
@@ -95,9 +95,9 @@ class Replicates:
             self.join()
         if self.transfer is None:
             return
-        of_panes = [Reached.by(one.cells, len(self)) for one in self.panes]
-        sky = Reached.by(self.cells.sky, len(self))
-        sun = Reached.by(self.cells.sun, len(self), sun_tiles(base.suns))
+        of_panes = [LitCells.by(one.cells, len(self)) for one in self.panes]
+        sky = LitCells.by(self.cells.sky, len(self))
+        sun = LitCells.by(self.cells.sun, len(self), sun_tiles(base.suns))
         self.panes = tuple(
             one._replace(reached=at) for one, at in zip(self.panes, of_panes, strict=True)
         )
@@ -105,7 +105,7 @@ class Replicates:
         if not self._follows([*of_panes, sky, sun]):
             self._reflect()
 
-    def _follows(self, every: list[Reached]) -> bool:
+    def _follows(self, every: list[LitCells]) -> bool:
         """Whether sensors gather light of cells by way of cells, instead of cells getting it."""
         if self.transfer is None or self.gathering is None or self._is_packed:
             return False
@@ -196,7 +196,7 @@ class Replicates:
 
     def _sent(
         self, met: Met, here: slice
-    ) -> Callable[[mi.TensorXf, mi.TensorXf | None, Reached | None], mi.TensorXf]:
+    ) -> Callable[[mi.TensorXf, mi.TensorXf | None, LitCells | None], mi.TensorXf]:
         """Make the function that gathers light of cells and, where it is solved, of blocks."""
         count, sensors = len(self), here.stop - here.start
         if self.transfer is None:
@@ -209,7 +209,7 @@ class Replicates:
         to_cells = PathMatrix(met.cell, met.weight, paths, sensors, count, self.numbers.start)
         made: list[Followed] = []  # once, where it is needed
 
-        def sent(d: mi.TensorXf, y: mi.TensorXf | None, at: Reached | None) -> mi.TensorXf:
+        def sent(d: mi.TensorXf, y: mi.TensorXf | None, at: LitCells | None) -> mi.TensorXf:
             if at is not None and not dr.width(at.lit):
                 return dr.zeros(mi.TensorXf, (count * sensors, d.shape[1]))
             if y is not None:

@@ -31,7 +31,7 @@ import numpy as np
 from drcmitsuba.annual.block_parts import StatePart
 from drcmitsuba.annual.workers import opened
 from drcmitsuba.blocks.block_folder import BlockFolder
-from drcmitsuba.blocks.part import EVERY_BLOCK, Part
+from drcmitsuba.blocks.part import EVERY_BLOCK, BlockPart
 from drcmitsuba.case.groups import OPEN, SHADED
 from drcmitsuba.case.reading import load_case
 from drcmitsuba.runtime import backend
@@ -52,7 +52,7 @@ class Costs:
 
     def seconds(self, workers: int, start: float) -> float:
         """Seconds of the command with some workers, which take `start` seconds to start."""
-        parts = [Part(i, workers) for i in range(1, workers + 1)]
+        parts = [BlockPart(i, workers) for i in range(1, workers + 1)]
         slowest = [
             shared + max(sum(s for i, s in enumerate(blocks) if p.holds(i)) for p in parts)
             for shared, blocks in zip(self.shared, self.blocks, strict=True)

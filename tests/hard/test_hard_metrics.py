@@ -14,7 +14,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.design.facade_maps import Panes, Strips, Window
 from drcmitsuba.design.film import ParametricFilm
-from drcmitsuba.design.film_bins import Bins
+from drcmitsuba.design.film_bins import FilmBins
 from drcmitsuba.design.measure import Measure
 from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.design.problem import FacadeProblem, Goal
@@ -318,7 +318,7 @@ def test_films_at_their_bounds(holds):
     directions = np.array([[0, -1.0, 0], [0, -1e-3, 1], [0.07, -0.8, 0.6], [1, -1e-3, 0]])
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     south = np.array([[-1.0, 0, 0], [0, 0, 1], [0, 1, 0]])
-    bins = Bins(south, 1, Suns(tuple(f"sun_{i}" for i in range(4)), directions), depth=2)
+    bins = FilmBins(south, 1, Suns(tuple(f"sun_{i}" for i in range(4)), directions), depth=2)
     irradiance = irradiance_of(bins)
     for corner in itertools.product(*FILM_BOUNDS.values()):
         values = dict(zip(FILM_BOUNDS, map(mi.Float, map(float, corner)), strict=True))

@@ -21,7 +21,7 @@ from drcmitsuba.scene.materials import bsdf
 from drcmitsuba.scene.meshes import quad_mesh
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.cells.cells import Grid
+from drcmitsuba.transport.cells.cells import CellGrid
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.gather.paths import gather
 from drcmitsuba.transport.rays.straight_suns import straight_suns
@@ -96,7 +96,7 @@ def test_closed_white_box(holds, same, reflectance):
     world = scene.build(white_box(reflectance))
     points, normals = np.array([[0, 0, 0], [0.9, -0.9, 0.5]]), np.array([[0, 0, 1], [-0.6, 0.8, 0]])
     n, paths = 16, 1024
-    grid = Grid.of(world, 1.0)
+    grid = CellGrid.of(world, 1.0)
     met = gather(world, points, normals, replicates=n, paths=paths, grid=grid, seed=1)
     total = np.bincount(met.row.numpy(), met.weight.numpy(), minlength=2 * n).reshape(n, 2)
     series = reflectance / (1 - reflectance)

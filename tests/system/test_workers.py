@@ -18,7 +18,7 @@ from drcmitsuba.annual.workers import Workers, opened, versions
 from drcmitsuba.blocks import block_folder
 from drcmitsuba.blocks.block_file import read_block
 from drcmitsuba.blocks.block_folder import BlockFolder
-from drcmitsuba.blocks.part import EVERY_BLOCK, Part
+from drcmitsuba.blocks.part import EVERY_BLOCK, BlockPart
 from drcmitsuba.case.groups import OPEN
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky.daylight import daylight
@@ -196,7 +196,7 @@ def test_a_worker_with_another_version_is_refused_by_name(tmp_path):
             older.refuse_others()
         case = load_case("classroom/reference/existing")
         unseen = StatePart(
-            case, OPEN, daylight(case).suns, 1, BlockFolder(tmp_path / "unseen"), Part(1, 2)
+            case, OPEN, daylight(case).suns, 1, BlockFolder(tmp_path / "unseen"), BlockPart(1, 2)
         )
         with pytest.raises(InputError, match="a worker does not see it"):
             [*older.__class__(client, versions()).each([unseen])]

@@ -41,7 +41,7 @@ from drcmitsuba.runtime.random_streams import Stream, launch_seed, number_in_rep
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.cells.cells import Grid
+from drcmitsuba.transport.cells.cells import CellGrid
 from drcmitsuba.transport.cells.vertices import Vertices
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.deposit import Deposit
@@ -267,7 +267,7 @@ def bias_of_cells(case: Case, sizes: list[float], paths: int, rounds: int) -> np
         seed = launch_seed(7, Stream.ROUNDS, number)
         vertices = gather(
             loaded, points, normals, replicates=1, paths=paths,
-            grid=Grid.of(loaded, 1.0), seed=seed,
+            grid=CellGrid.of(loaded, 1.0), seed=seed,
         )  # fmt: skip
         return vertices, D(vertices, number)
 
@@ -282,7 +282,7 @@ def bias_of_cells(case: Case, sizes: list[float], paths: int, rounds: int) -> np
 
         out[-1, :, r] = per_sensor(d)
         for (i, size), (k, shift) in itertools.product(enumerate(sizes), enumerate(SHIFTS)):
-            grid = Grid.of(loaded, size)
+            grid = CellGrid.of(loaded, size)
             grid = replace(grid, low=tuple(c - shift * size for c in grid.low))
             here, there = (
                 grid.key(dr.unravel(mi.Point3f, v.p), dr.unravel(mi.Normal3f, v.n)).numpy()

@@ -12,7 +12,7 @@ import pytest
 from drcmitsuba.standards.quantities import count
 from drcmitsuba.standards.standard import Level, Limit, read
 from drcmitsuba.standards.verdict import outcome
-from drcmitsuba.standards.year import Year
+from drcmitsuba.standards.year import StandardYear
 from tests.unit.standards.made_year import WORKING, evidence, median_reached
 
 ERROR, SHARED = 0.03, 0.5
@@ -27,7 +27,7 @@ def outcomes(seeds, limits):
     for seed in seeds:
         of_point = around * 300 / median_reached(WORKING)
         E = evidence(of_point, ERROR, times=WORKING, shared=SHARED, seed=seed)
-        year = Year(E, np.arange(len(WORKING)))
+        year = StandardYear(E, np.arange(len(WORKING)))
         counted = {"sDA": count(quantity, year)}
         for limit in truth + np.random.default_rng([seed, 5]).uniform(-12, 12, limits):
             asked = Limit(quantity="sDA", at_least=float(limit))

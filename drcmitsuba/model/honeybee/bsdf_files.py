@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from drcmitsuba.model.honeybee.entries import Entry, by_identifier, read_entry
+from drcmitsuba.model.honeybee.entries import JsonEntry, by_identifier, read_entry
 from drcmitsuba.model.written_files import written
 
 LARGEST_BSDF = 256 * 2**20
@@ -26,7 +26,7 @@ class BsdfFiles:
     unpacked: dict[str, Path] = field(default_factory=dict)
     """Files that were written here."""
 
-    def file(self, modifier: Entry) -> Path:
+    def file(self, modifier: JsonEntry) -> Path:
         """File of a modifier; its data is unpacked where the caller gave none.
 
         Raises
@@ -64,7 +64,7 @@ def bsdf_xml(file: Path) -> dict[str, bytes]:
     return files
 
 
-def _unpacked(modifier: Entry, most: int) -> bytes:
+def _unpacked(modifier: JsonEntry, most: int) -> bytes:
     """XML of a BSDF modifier, of at most so many bytes."""
     packed = (modifier.text("bsdf_data") or "").encode()
     try:

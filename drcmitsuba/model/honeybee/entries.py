@@ -21,14 +21,14 @@ MEMORY = {b"{": 232, b"[": 96, b",": 32, b'"': 25}
 """Memory that Python takes for what a character begins or ends [B]."""
 
 
-class Entry(NamedTuple):
+class JsonEntry(NamedTuple):
     """JSON object of a file; it knows its place for messages."""
 
     file: Path
     key: str
     """Field that holds the object; a name for an object that none holds."""
     fields: Mapping[str, Any]
-    parent: Entry | None = None
+    parent: JsonEntry | None = None
 
     @property
     def place(self) -> str:
@@ -84,12 +84,12 @@ class Entry(NamedTuple):
             raise self.refuse(key, _shown(value), "give true or false")
         return default if value is None else value
 
-    def entry(self, key: str) -> Entry | None:
+    def entry(self, key: str) -> JsonEntry | None:
         """Object of a field; None where it is missing or null."""
         value = self.fields.get(key)
         return None if value is None else self._inner(value, key)
 
-    def entries(self, key: str) -> list[Entry]:
+    def entries(self, key: str) -> list[JsonEntry]:
         """Objects of a field that holds a list; none where it is missing or null."""
         return [
             self._inner(value, f"{key}[{k}]")
@@ -123,21 +123,21 @@ class Entry(NamedTuple):
         """Three finite numbers of a field."""
         return self.corners(key, [self.sequence(key)])[0]
 
-    def inner(self, *keys: str) -> Entry:
+    def inner(self, *keys: str) -> JsonEntry:
         """Object at a path of fields, empty where the path ends early."""
         entry = self
         for key in keys:
             entry = entry.entry(key) or self._inner({}, key)
         return entry
 
-    def _inner(self, value: object, key: str) -> Entry:
+    def _inner(self, value: object, key: str) -> JsonEntry:
         """Object within this one."""
         if not isinstance(value, dict):
             raise self.refuse(key, _shown(value), "give an object")
-        return Entry(self.file, key, value, self)
+        return JsonEntry(self.file, key, value, self)
 
 
-def read_entry(file: Path) -> Entry:
+def read_entry(file: Path) -> JsonEntry:
     """Object that a JSON file holds; its memory is estimated before it is parsed."""
     size = size_of(file, LARGEST)
     parts, memory = [], 3 * size  # the file in parts, in one piece, and as text
@@ -158,15 +158,15 @@ def read_entry(file: Path) -> Entry:
         raise InputError(file, "JSON", str(error), "give a Honeybee model") from None
     if not isinstance(value, dict):
         raise InputError(file, "JSON", _shown(value), "give a Honeybee model")
-    return Entry(file, "model", value)
+    return JsonEntry(file, "model", value)
 
 
-def by_identifier(entries: Iterable[Entry], *, alike: bool = False) -> dict[str, Entry]:
+def by_identifier(entries: Iterable[JsonEntry], *, alike: bool = False) -> dict[str, JsonEntry]:
     """Objects of one kind by their identifiers, which must differ.
 
     With `alike`, objects of equal fields may stand several times.
     """
-    out: dict[str, Entry] = {}
+    out: dict[str, JsonEntry] = {}
     for entry in entries:
         name = entry.identifier()
         if name in out and alike and out[name].fields == entry.fields:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drcmitsuba.model.facets import facet_quads, fans
-from drcmitsuba.model.honeybee.entries import Entry
+from drcmitsuba.model.honeybee.entries import JsonEntry
 from drcmitsuba.model.honeybee.modifiers import Modifiers
 from drcmitsuba.model.honeybee.pieces import Piece
 from drcmitsuba.model.materials import Lambertian, two_sided
@@ -149,7 +149,7 @@ def _clipped(rings: list[np.ndarray], tolerance: float) -> np.ndarray | None:
     return np.concatenate([np.empty((0, 4, 3)), *parts])
 
 
-def mesh_layer(shade: Entry, modifiers: Modifiers, scale: Scale) -> Layer | None:
+def mesh_layer(shade: JsonEntry, modifiers: Modifiers, scale: Scale) -> Layer | None:
     """Layer of a `ShadeMesh`; None where it has no surface."""
     own = shade.inner("properties", "radiance")
     detached = shade.flag("is_detached", default=True)
@@ -175,7 +175,7 @@ def mesh_layer(shade: Entry, modifiers: Modifiers, scale: Scale) -> Layer | None
     return Layer(name, material, "context", every, np.zeros(len(every), int), (shade.place,))
 
 
-def _indices(mesh: Entry, faces: list[list[object]], corners: int, vertices: int) -> np.ndarray:
+def _indices(mesh: JsonEntry, faces: list[list[object]], corners: int, vertices: int) -> np.ndarray:
     """Vertices of faces of a mesh, int (face, corner)."""
     try:
         index = np.array(faces) if faces else np.empty((0, corners), int)
@@ -209,7 +209,7 @@ def _both(first: Layer, second: Layer) -> Layer:
     )
 
 
-def check_groups(model: Entry, layers: Iterable[Layer]) -> None:
+def check_groups(model: JsonEntry, layers: Iterable[Layer]) -> None:
     """Raise InputError for groups whose members have different numbers of states."""
     states: dict[str, int] = {}
     for layer in (each for each in layers if each.group):

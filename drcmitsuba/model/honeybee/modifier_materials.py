@@ -6,7 +6,7 @@ import numpy as np
 
 from drcmitsuba.model import radiance_materials
 from drcmitsuba.model.honeybee.bsdf_files import BsdfFiles
-from drcmitsuba.model.honeybee.entries import Entry
+from drcmitsuba.model.honeybee.entries import JsonEntry
 from drcmitsuba.model.materials import BsdfMaterial, Lambertian, SurfaceMaterial
 from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.radiance_materials import Colour, Note
@@ -19,7 +19,7 @@ BESIDE = ("front_diffuse_reflectance", "back_diffuse_reflectance", "diffuse_tran
 """Diffuse parts that a BSDF modifier has beside its file."""
 
 
-def material_of(modifier: Entry, bsdf: BsdfFiles, notes: Notes) -> SurfaceMaterial | None:
+def material_of(modifier: JsonEntry, bsdf: BsdfFiles, notes: Notes) -> SurfaceMaterial | None:
     """Material of a modifier; None for void. What it simplifies is added to the notes.
 
     Raises
@@ -45,23 +45,23 @@ def material_of(modifier: Entry, bsdf: BsdfFiles, notes: Notes) -> SurfaceMateri
     return MAKERS[kind](modifier, lambda sentence: notes.add(sentence, modifier.place))
 
 
-def _colour(modifier: Entry, quantity: str, default: float) -> Colour:
+def _colour(modifier: JsonEntry, quantity: str, default: float) -> Colour:
     """Red, green and blue of a modifier's quantity [–]."""
     r, g, b = (modifier.fraction(f"{channel}_{quantity}", default) for channel in "rgb")
     return r, g, b
 
 
-def _plastic(modifier: Entry, note: Note) -> SurfaceMaterial:
+def _plastic(modifier: JsonEntry, note: Note) -> SurfaceMaterial:
     s, alpha = modifier.fraction("specularity", 0.0), modifier.fraction("roughness", 0.0)
     return radiance_materials.plastic(_colour(modifier, "reflectance", 0.0), s, alpha, note)
 
 
-def _metal(modifier: Entry, note: Note) -> SurfaceMaterial:
+def _metal(modifier: JsonEntry, note: Note) -> SurfaceMaterial:
     s, alpha = modifier.fraction("specularity", 0.9), modifier.fraction("roughness", 0.0)
     return radiance_materials.metal(_colour(modifier, "reflectance", 0.0), s, alpha, note)
 
 
-def _trans(modifier: Entry, note: Note) -> SurfaceMaterial:
+def _trans(modifier: JsonEntry, note: Note) -> SurfaceMaterial:
     """`transmitted_diff` and `transmitted_spec` are Radiance's A6 and A7."""
     keys = ("specularity", "transmitted_diff", "transmitted_spec")
     s, t, straight = (modifier.fraction(key, 0.0) for key in keys)
@@ -69,14 +69,14 @@ def _trans(modifier: Entry, note: Note) -> SurfaceMaterial:
     return radiance_materials.trans(colour, s, rough, t, straight, note)
 
 
-def _glass(modifier: Entry, note: Note) -> SurfaceMaterial:
+def _glass(modifier: JsonEntry, note: Note) -> SurfaceMaterial:
     index = modifier.number("refraction_index", radiance_materials.INDEX)
     if not 1 < index <= 4:
         raise modifier.refuse("refraction_index", f"{index:g}", "give a number above 1, up to 4")
     return radiance_materials.glass(_colour(modifier, "transmissivity", 0.0), index, note)
 
 
-def _mirror(modifier: Entry, note: Note) -> SurfaceMaterial:
+def _mirror(modifier: JsonEntry, note: Note) -> SurfaceMaterial:
     note("Mirrors reflect on both sides")
     return radiance_materials.mirror(_colour(modifier, "reflectance", 1.0), note)
 
@@ -91,7 +91,7 @@ MAKERS = {
 """Materials of the modifiers that numbers describe, by type."""
 
 
-def _bsdf(modifier: Entry, bsdf: BsdfFiles, notes: Notes) -> SurfaceMaterial:
+def _bsdf(modifier: JsonEntry, bsdf: BsdfFiles, notes: Notes) -> SurfaceMaterial:
     """Pane whose file the model holds, or the caller has written; its y axis is vertical."""
     if modifier.number("thickness", 0.0) != 0:
         got = f"{modifier.number('thickness', 0.0):g}: it stands for geometry that it hides"

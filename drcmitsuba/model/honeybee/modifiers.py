@@ -8,7 +8,7 @@ from pathlib import Path
 
 from drcmitsuba.model import radiance_materials
 from drcmitsuba.model.honeybee.bsdf_files import BsdfFiles
-from drcmitsuba.model.honeybee.entries import Entry, by_identifier
+from drcmitsuba.model.honeybee.entries import JsonEntry, by_identifier
 from drcmitsuba.model.honeybee.modifier_materials import material_of
 from drcmitsuba.model.materials import GlazingMaterial, Lambertian, SurfaceMaterial
 from drcmitsuba.model.notes import Notes
@@ -58,18 +58,18 @@ Generic_Interior_Visible_Modifier_Set, as its files state it under `global_modif
 class Modifiers:
     """Modifiers and modifier sets of a model; materials are made when surfaces ask for them."""
 
-    known: dict[str, Entry]
+    known: dict[str, JsonEntry]
     """Modifiers of the file by their identifiers."""
-    sets: Mapping[str, Entry]
+    sets: Mapping[str, JsonEntry]
     """Modifier sets of the rooms."""
-    defaults: tuple[Entry, ...]
+    defaults: tuple[JsonEntry, ...]
     """Modifier sets of the model, the one that counts first; the last is Honeybee's default."""
     bsdf: BsdfFiles
     """Files of BSDF modifiers."""
     notes: Notes = field(default_factory=Notes)
     materials: dict[str, SurfaceMaterial | None] = field(default_factory=dict)
 
-    def name(self, own: Entry, room_set: Entry | None, family: str, kind: str) -> str:
+    def name(self, own: JsonEntry, room_set: JsonEntry | None, family: str, kind: str) -> str:
         """Name of an object's modifier: its own, or the one of its room's or the model's set.
 
         Parameters
@@ -90,7 +90,7 @@ class Modifiers:
             raise own.refuse(kind, "no modifier in any set", "give the object a modifier")
         return named
 
-    def named(self, holder: Entry, key: str) -> str | None:
+    def named(self, holder: JsonEntry, key: str) -> str | None:
         """Name of the modifier in a field, which holds a name or a whole modifier."""
         if isinstance(holder.fields.get(key), dict):
             modifier = holder.inner(key)
@@ -99,7 +99,7 @@ class Modifiers:
             return name
         return holder.text(key)
 
-    def set_of(self, room: Entry) -> Entry | None:
+    def set_of(self, room: JsonEntry) -> JsonEntry | None:
         """Modifier set of a room; None where it has none of its own."""
         name = self.named(room.inner("properties", "radiance"), "modifier_set")
         if name is not None and name not in self.sets:
@@ -107,7 +107,7 @@ class Modifiers:
             raise room.refuse("modifier_set", got, "add it to modifier_sets")
         return None if name is None else self.sets[name]
 
-    def material(self, name: str, user: Entry) -> SurfaceMaterial | None:
+    def material(self, name: str, user: JsonEntry) -> SurfaceMaterial | None:
         """Material of a modifier that an object uses; None for void, which is an opening."""
         if name not in self.materials:
             if name in self.known:
@@ -128,11 +128,11 @@ class Modifiers:
         return self.materials[name]
 
 
-def modifiers_of(model: Entry, bsdf: Mapping[str, Path]) -> Modifiers:
+def modifiers_of(model: JsonEntry, bsdf: Mapping[str, Path]) -> Modifiers:
     """Modifiers and modifier sets of a model; `bsdf` has the files of BSDF modifiers."""
     radiance = model.inner("properties", "radiance")
     sets = by_identifier(radiance.entries("modifier_sets"), alike=True)
-    built_in = Entry(model.file, "Honeybee's default set", DEFAULT_SET)
+    built_in = JsonEntry(model.file, "Honeybee's default set", DEFAULT_SET)
     known = by_identifier(radiance.entries("modifiers"), alike=True)
     chosen = radiance.fields.get("global_modifier_set")
     if isinstance(chosen, str):

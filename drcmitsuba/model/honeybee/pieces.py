@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from drcmitsuba.model.honeybee.entries import Entry, by_identifier
+from drcmitsuba.model.honeybee.entries import JsonEntry, by_identifier
 from drcmitsuba.model.honeybee.modifiers import Modifiers
 from drcmitsuba.model.honeybee.overlap import Overlap
 from drcmitsuba.model.model import Role
@@ -33,7 +33,7 @@ class PieceState:
 class Piece:
     """Polygon of the model, in the units of the file."""
 
-    source: Entry
+    source: JsonEntry
     modifier: str
     role: Role
     """Context, or surface where it may be a pane, too."""
@@ -45,11 +45,11 @@ class Piece:
     """Modifier of the back, where it differs."""
 
 
-class Twin(NamedTuple):
+class TouchingObject(NamedTuple):
     """Object that may touch another one."""
 
-    source: Entry
-    room_set: Entry | None
+    source: JsonEntry
+    room_set: JsonEntry | None
     """Modifier set of its room."""
 
 
@@ -57,9 +57,9 @@ class Twin(NamedTuple):
 class Walk:
     """Walk through a model's rooms, faces, panes and shades."""
 
-    model: Entry
+    model: JsonEntry
     modifiers: Modifiers
-    twins: dict[str, dict[str, Twin]]
+    twins: dict[str, dict[str, TouchingObject]]
     """Objects that may touch another one, by their type and identifier."""
     tolerance: float
     """Largest distance at which two points of the file count as one, in its units."""
@@ -82,7 +82,7 @@ class Walk:
         for shade in self.model.entries("orphaned_shades"):
             yield self._shade(shade, None, "", "context_modifier", "context")
 
-    def _face(self, face: Entry, room_set: Entry | None) -> Iterator[Piece]:
+    def _face(self, face: JsonEntry, room_set: JsonEntry | None) -> Iterator[Piece]:
         kind = face.text("face_type") or "missing"
         if kind not in FAMILIES and kind not in OPENINGS:
             raise face.refuse("face_type", kind, f"choose one of {', '.join(FAMILIES)}")
@@ -101,7 +101,7 @@ class Walk:
             yield from self._pane(door, "Door", kind, room_set)
         yield from self._shades(face, room_set)
 
-    def _modifier(self, face: Entry, room_set: Entry | None) -> str:
+    def _modifier(self, face: JsonEntry, room_set: JsonEntry | None) -> str:
         """Name of the modifier of a face that is a surface."""
         outdoors = self._condition(face) == "Outdoors"
         return self.modifiers.name(
@@ -109,7 +109,7 @@ class Walk:
             FAMILIES[face.text("face_type") or ""], f"{'ex' if outdoors else 'in'}terior_modifier",
         )  # fmt: skip
 
-    def _shared(self, face: Entry, name: str, rings: tuple[np.ndarray, ...]) -> Iterator[Piece]:
+    def _shared(self, face: JsonEntry, name: str, rings: tuple[np.ndarray, ...]) -> Iterator[Piece]:
         """Face and the one of another room that touches it: one sheet, and what either has more."""
         other = self.twins["Face"][_touched(face)]
         if (other.source.text("face_type") or "") not in FAMILIES:  # open from its other side
@@ -125,7 +125,7 @@ class Walk:
             yield Piece(other.source, behind, "surface", own)
 
     def _pane(
-        self, pane: Entry, element: str, parent: str, room_set: Entry | None
+        self, pane: JsonEntry, element: str, parent: str, room_set: JsonEntry | None
     ) -> Iterator[Piece]:
         """Aperture or door in a face of the parent's type."""
         if self._is_kept(pane, element):
@@ -135,7 +135,7 @@ class Walk:
             yield self._with_states(pane, own, name, "surface")
         yield from self._shades(pane, room_set)
 
-    def _kind(self, pane: Entry, element: str, parent: str) -> tuple[str, str]:
+    def _kind(self, pane: JsonEntry, element: str, parent: str) -> tuple[str, str]:
         """Keys in a modifier set of an aperture or a door."""
         inside = self._condition(pane) == "Surface"
         level = parent in ("RoofCeiling", "Floor")
@@ -150,20 +150,20 @@ class Walk:
             return "aperture_set", "operable_modifier"
         return "aperture_set", "skylight_modifier" if level else "window_modifier"
 
-    def _shades(self, parent: Entry, room_set: Entry | None) -> Iterator[Piece]:
+    def _shades(self, parent: JsonEntry, room_set: JsonEntry | None) -> Iterator[Piece]:
         for shade in parent.entries("indoor_shades"):
             yield self._shade(shade, room_set, "shade_set", "interior_modifier", "surface")
         for shade in parent.entries("outdoor_shades"):
             yield self._shade(shade, room_set, "shade_set", "exterior_modifier", "context")
 
     def _shade(
-        self, shade: Entry, room_set: Entry | None, family: str, kind: str, role: Role
+        self, shade: JsonEntry, room_set: JsonEntry | None, family: str, kind: str, role: Role
     ) -> Piece:
         own = shade.inner("properties", "radiance")
         name = self.modifiers.name(own, room_set, family, kind)
         return self._with_states(shade, own, name, role)
 
-    def _with_states(self, source: Entry, own: Entry, modifier: str, role: Role) -> Piece:
+    def _with_states(self, source: JsonEntry, own: JsonEntry, modifier: str, role: Role) -> Piece:
         """Polygon with the states of its group; its modifier is that of the first state."""
         group = own.text("dynamic_group_identifier") or ""
         states = tuple(
@@ -173,7 +173,7 @@ class Walk:
         first = states[0].modifier if states else modifier
         return Piece(source, first, role, rings_of(source), group, states)
 
-    def _added(self, state: Entry) -> tuple[Piece, ...]:
+    def _added(self, state: JsonEntry) -> tuple[Piece, ...]:
         """Shades that stand in one state only."""
         default = "generic_exterior_shade_0.35"
         return tuple(
@@ -183,11 +183,11 @@ class Walk:
             for each in state.entries("shades")
         )
 
-    def _condition(self, source: Entry) -> str:
+    def _condition(self, source: JsonEntry) -> str:
         """Type of the boundary condition; outdoors where there is none."""
         return source.inner("boundary_condition").text("type") or "Outdoors"
 
-    def _is_kept(self, source: Entry, element: str) -> bool:
+    def _is_kept(self, source: JsonEntry, element: str) -> bool:
         """Whether an object stands for itself and for the one that touches it, if any does."""
         if self._condition(source) != "Surface":
             return True
@@ -202,11 +202,11 @@ class Walk:
         return name < other
 
 
-def walk_of(model: Entry, modifiers: Modifiers, tolerance: float) -> Walk:
+def walk_of(model: JsonEntry, modifiers: Modifiers, tolerance: float) -> Walk:
     """Walk through a model; InputError where identifiers of faces, panes or shades repeat."""
     rooms = model.entries("rooms")
     by_identifier(rooms)
-    sets: dict[str, Entry | None] = {}
+    sets: dict[str, JsonEntry | None] = {}
     for room in rooms:
         room_set = modifiers.set_of(room)
         sets |= {face.identifier(): room_set for face in room.entries("faces")}
@@ -222,13 +222,16 @@ def walk_of(model: Entry, modifiers: Modifiers, tolerance: float) -> Walk:
     by_identifier(shades)
     kinds = {"Face": faces, "Aperture": apertures, "Door": doors}
     twins = {
-        kind: {name: Twin(each, sets.get(name)) for name, each in by_identifier(alike).items()}
+        kind: {
+            name: TouchingObject(each, sets.get(name))
+            for name, each in by_identifier(alike).items()
+        }
         for kind, alike in kinds.items()
     }
     return Walk(model, modifiers, twins, tolerance)
 
 
-def opened_rings(face: Entry) -> tuple[np.ndarray, ...]:
+def opened_rings(face: JsonEntry) -> tuple[np.ndarray, ...]:
     """Corners of the outline of a face, then of its holes, apertures and doors.
 
     What stands in the hole of another aperture opens the face no further.
@@ -242,7 +245,7 @@ def opened_rings(face: Entry) -> tuple[np.ndarray, ...]:
     return (*rings_of(face), *outlines)
 
 
-def walls_in_panes(face: Entry) -> list[tuple[np.ndarray, ...]]:
+def walls_in_panes(face: JsonEntry) -> list[tuple[np.ndarray, ...]]:
     """Corners of the outline and the holes of what is wall in the holes of apertures and doors."""
     panes = _panes(face)
     holes = [hole for rings in panes for hole in rings[1:]]
@@ -253,12 +256,12 @@ def walls_in_panes(face: Entry) -> list[tuple[np.ndarray, ...]]:
     return plane.rings(shape - shapely.union_all([plane.polygon(rings) for rings in panes]))
 
 
-def _panes(face: Entry) -> list[tuple[np.ndarray, ...]]:
+def _panes(face: JsonEntry) -> list[tuple[np.ndarray, ...]]:
     """Corners of the outline and the holes of every aperture and door of a face."""
     return [rings_of(pane) for pane in (*face.entries("apertures"), *face.entries("doors"))]
 
 
-def rings_of(source: Entry) -> tuple[np.ndarray, ...]:
+def rings_of(source: JsonEntry) -> tuple[np.ndarray, ...]:
     """Corners of the outline and the holes of an object's `Face3D`."""
     face = source.entry("geometry")
     if face is None:
@@ -267,7 +270,7 @@ def rings_of(source: Entry) -> tuple[np.ndarray, ...]:
     return face.corners("boundary"), *holes
 
 
-def _touched(source: Entry) -> str:
+def _touched(source: JsonEntry) -> str:
     """Identifier of the object that one with the boundary condition "Surface" touches."""
     names = source.inner("boundary_condition").sequence("boundary_condition_objects")
     if not names or not isinstance(names[0], str):

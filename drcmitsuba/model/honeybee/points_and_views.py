@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from drcmitsuba.model.honeybee.entries import Entry
-from drcmitsuba.model.model import Grid, View
+from drcmitsuba.model.honeybee.entries import JsonEntry
+from drcmitsuba.model.model import SensorGrid, View
 from drcmitsuba.model.notes import Notes
 
 KINDS = "vhlcas"
@@ -17,17 +17,17 @@ SHIFTS = ("shift", "lift", "fore_clip", "aft_clip")
 """Fields of views that are left out."""
 
 
-def grids_of(entries: Sequence[Entry], metres: float) -> tuple[Grid, ...]:
+def grids_of(entries: Sequence[JsonEntry], metres: float) -> tuple[SensorGrid, ...]:
     """Grids of some `SensorGrid`, whose coordinates have a unit of so many metres.
 
     Grids of one identifier are joined, but for those whose `group_identifier` differs: their names
     are then GROUP/IDENTIFIER.
     """
-    grids: dict[str, list[Grid]] = {}
+    grids: dict[str, list[SensorGrid]] = {}
     for entry, name in zip(entries, _names(entries), strict=True):
         grids.setdefault(name, []).append(replace(_grid(entry, metres), name=name))
     return tuple(
-        Grid(
+        SensorGrid(
             name,
             np.concatenate([grid.points for grid in alike]),
             np.concatenate([grid.normals for grid in alike]),
@@ -36,7 +36,7 @@ def grids_of(entries: Sequence[Entry], metres: float) -> tuple[Grid, ...]:
     )
 
 
-def views_of(entries: Sequence[Entry], metres: float, notes: Notes) -> tuple[View, ...]:
+def views_of(entries: Sequence[JsonEntry], metres: float, notes: Notes) -> tuple[View, ...]:
     """Views of the model, named as its grids; others of one name are numbered."""
     views: dict[str, list[View]] = {}
     for entry, name in zip(entries, _names(entries), strict=True):
@@ -50,7 +50,7 @@ def views_of(entries: Sequence[Entry], metres: float, notes: Notes) -> tuple[Vie
     )
 
 
-def _names(entries: Sequence[Entry]) -> list[str]:
+def _names(entries: Sequence[JsonEntry]) -> list[str]:
     """Identifiers, with their groups where one identifier stands in several groups."""
     groups: dict[str, set[str]] = {}
     for entry in entries:
@@ -62,22 +62,22 @@ def _names(entries: Sequence[Entry]) -> list[str]:
     return names
 
 
-def _grid(grid: Entry, metres: float) -> Grid:
+def _grid(grid: JsonEntry, metres: float) -> SensorGrid:
     """Sensors of a `SensorGrid`."""
     sensors = grid.sequence("sensors")
     if not all(isinstance(s, dict) and "pos" in s and "dir" in s for s in sensors):
         raise grid.refuse("sensors", "one without pos and dir", "give every sensor both")
     if not sensors:
-        return Grid(grid.identifier(), np.empty((0, 3)), np.empty((0, 3)))
+        return SensorGrid(grid.identifier(), np.empty((0, 3)), np.empty((0, 3)))
     points = grid.corners("sensors", [s["pos"] for s in sensors])
     directions = grid.corners("sensors", [s["dir"] for s in sensors])
     length = np.linalg.norm(directions, axis=1, keepdims=True)
     if (length < 1e-12).any():
         raise grid.refuse("sensors", "a direction without length", "correct it")
-    return Grid(grid.identifier(), points * metres, directions / length)
+    return SensorGrid(grid.identifier(), points * metres, directions / length)
 
 
-def _view(view: Entry, metres: float, notes: Notes) -> View:
+def _view(view: JsonEntry, metres: float, notes: Notes) -> View:
     """View of the model."""
     kind = view.text("view_type") or "v"
     if len(kind) != 1 or kind not in KINDS:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drcmitsuba.model.honeybee.entries import Entry, by_identifier, read_entry
+from drcmitsuba.model.honeybee.entries import JsonEntry, by_identifier, read_entry
 from drcmitsuba.model.honeybee.layers import Scale, check_groups, layers_of, merged, mesh_layer
 from drcmitsuba.model.honeybee.modifiers import modifiers_of
 from drcmitsuba.model.honeybee.pieces import rings_of, walk_of
@@ -81,14 +81,14 @@ def read(file: Path, *, bsdf: Mapping[str, Path] | None = None) -> Model:
     )
 
 
-def _extent(model: Entry) -> float:
+def _extent(model: JsonEntry) -> float:
     """Largest extent of the faces of a model's rooms, in the units of the file; 0 without any."""
     faces = [face for room in model.entries("rooms") for face in room.entries("faces")]
     corners = [rings_of(face)[0] for face in faces]
     return float(np.ptp(np.concatenate(corners), axis=0).max()) if corners else 0.0
 
 
-def _check(model: Entry) -> None:
+def _check(model: JsonEntry) -> None:
     """Raise InputError for what is no Honeybee model of a known version."""
     kind, version = model.fields.get("type"), model.text("version") or f"{MAJOR}"
     if kind != "Model":

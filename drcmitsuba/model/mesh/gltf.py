@@ -16,7 +16,7 @@ from drcmitsuba.model.facets import facet_quads, join
 from drcmitsuba.model.materials import Reflectance
 from drcmitsuba.model.mesh.part import (
     LARGEST,
-    Part,
+    MeshPart,
     beside,
     check_count,
     check_index,
@@ -40,7 +40,7 @@ class _MalformedError(Exception):
     """A fault of a file, in words."""
 
 
-def read_gltf(file: Path, notes: Notes) -> list[Part]:
+def read_gltf(file: Path, notes: Notes) -> list[MeshPart]:
     """Parts of a glTF file in metres, z up: its default scene, by material, mesh and node.
 
     Points, lines, cameras, lights, skins and animations are left out.
@@ -100,7 +100,7 @@ class _Scene:
         if scene.get("images"):
             notes.add("Textures are left out")
 
-    def parts(self) -> list[Part]:
+    def parts(self) -> list[MeshPart]:
         """Surfaces of every node of the scene."""
         quads: dict[tuple[int | None, str, str], list[np.ndarray]] = {}
         count = 0
@@ -124,7 +124,7 @@ class _Scene:
                 )
                 quads.setdefault(key, []).append(facet_quads(corners)[0])
         return [
-            Part(*self._names(*key), join(np.concatenate(each))[0], self._reflectance(key[0]))
+            MeshPart(*self._names(*key), join(np.concatenate(each))[0], self._reflectance(key[0]))
             for key, each in quads.items()
         ]
 

@@ -11,7 +11,7 @@ from drcmitsuba.model.facets import join, polygon_quads
 from drcmitsuba.model.materials import Reflectance
 from drcmitsuba.model.mesh.part import (
     MOST_CORNERS,
-    Part,
+    MeshPart,
     beside,
     check_count,
     check_index,
@@ -90,7 +90,7 @@ class _Mesh:
         check_count(self.file, "polygons", total)
 
 
-def read_obj(file: Path, notes: Notes) -> list[Part]:
+def read_obj(file: Path, notes: Notes) -> list[MeshPart]:
     """Parts of an OBJ file, by material, group and object; lines and curves are left out."""
     mesh = _Mesh(file)
     for block in statements(file, "v|f|usemtl|g|o|mtllib"):
@@ -115,7 +115,7 @@ def read_obj(file: Path, notes: Notes) -> list[Part]:
     quads, part = join(np.concatenate(pieces)[order], part[order])
     ends = np.searchsorted(part, np.arange(1, len(mesh.parts)))
     return [
-        Part(names, each, colours.get(names[0]) if names else None)
+        MeshPart(names, each, colours.get(names[0]) if names else None)
         for names, each in zip(mesh.parts, np.split(quads, ends), strict=False)
     ]
 

@@ -22,7 +22,7 @@ FARTHEST = 1e9
 
 
 @dataclass(frozen=True)
-class Part:
+class MeshPart:
     """Surfaces of one material, in the units and axes of the file."""
 
     names: tuple[str, ...]

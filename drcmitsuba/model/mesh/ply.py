@@ -14,7 +14,7 @@ from drcmitsuba.model.facets import join, polygon_quads
 from drcmitsuba.model.mesh.part import (
     LARGEST,
     MOST_CORNERS,
-    Part,
+    MeshPart,
     check_count,
     check_index,
     check_vertices,
@@ -50,7 +50,7 @@ class _Element:
     """Name, type of a list's length ("" for no list), type."""
 
 
-def read_ply(file: Path, notes: Notes) -> list[Part]:
+def read_ply(file: Path, notes: Notes) -> list[MeshPart]:
     """The one part of a PLY file, whose name is that of the file."""
     size = size_of(file)
     with opened(file) as stream:
@@ -76,7 +76,7 @@ def read_ply(file: Path, notes: Notes) -> list[Part]:
     for index in rings.values():
         check_index(file, index, len(vertices))
         parts.append(polygon_quads(vertices[index], refuse)[0])
-    return [Part((file.stem,), join(np.concatenate(parts))[0])]
+    return [MeshPart((file.stem,), join(np.concatenate(parts))[0])]
 
 
 def _header(file: Path, stream: IO[bytes]) -> tuple[str, list[_Element]]:

@@ -12,7 +12,7 @@ import numpy as np
 from drcmitsuba.model.materials import Lambertian, SurfaceMaterial
 from drcmitsuba.model.mesh.gltf import read_gltf
 from drcmitsuba.model.mesh.obj import read_obj
-from drcmitsuba.model.mesh.part import Part
+from drcmitsuba.model.mesh.part import MeshPart
 from drcmitsuba.model.mesh.ply import read_ply
 from drcmitsuba.model.mesh.stl import read_stl
 from drcmitsuba.model.model import Layer, Model, role_of
@@ -86,10 +86,10 @@ def read(
 
 
 def _named(
-    file: Path, parts: list[Part], materials: Mapping[str, SurfaceMaterial]
-) -> dict[str, list[Part]]:
+    file: Path, parts: list[MeshPart], materials: Mapping[str, SurfaceMaterial]
+) -> dict[str, list[MeshPart]]:
     """Parts by the first of their names that the table has, or their first one."""
-    named: dict[str, list[Part]] = {}
+    named: dict[str, list[MeshPart]] = {}
     for part in parts:
         own = part.names[0] if part.names else file.stem
         named.setdefault(next((n for n in part.names if n in materials), own), []).append(part)
@@ -98,7 +98,7 @@ def _named(
 
 def _materials(
     file: Path,
-    named: Mapping[str, list[Part]],
+    named: Mapping[str, list[MeshPart]],
     materials: Mapping[str, SurfaceMaterial],
     notes: Notes,
 ) -> dict[str, SurfaceMaterial]:
@@ -114,7 +114,7 @@ def _materials(
 
 
 def _layer(
-    file: Path, name: str, material: SurfaceMaterial, parts: list[Part], unit: float
+    file: Path, name: str, material: SurfaceMaterial, parts: list[MeshPart], unit: float
 ) -> Layer:
     """Layer of the parts of one name, in metres."""
     quads = np.concatenate([part.quads for part in parts]) * unit

@@ -9,7 +9,7 @@ import numpy as np
 from drcmitsuba.model.facets import facet_quads, join
 from drcmitsuba.model.mesh.part import (
     LARGEST,
-    Part,
+    MeshPart,
     check_count,
     check_vertices,
     doubles,
@@ -24,7 +24,7 @@ HEADER = 84
 """Size of the header of a binary file [B]."""
 
 
-def read_stl(file: Path, notes: Notes) -> list[Part]:
+def read_stl(file: Path, notes: Notes) -> list[MeshPart]:
     """Parts of an STL file: its solids. Corners decide on fronts, normals are left out."""
     size = size_of(file)
     with opened(file) as stream:
@@ -40,7 +40,7 @@ def read_stl(file: Path, notes: Notes) -> list[Part]:
     return _read_text(file)
 
 
-def _read_text(file: Path) -> list[Part]:
+def _read_text(file: Path) -> list[MeshPart]:
     corners: dict[str, list[np.ndarray]] = {}
     name, count = "", 0
     for block in statements(file, "(?i:solid|vertex)"):
@@ -69,6 +69,6 @@ def _add(
         check_count(file, "parts", len(corners))
 
 
-def _part(file: Path, name: str, corners: np.ndarray) -> Part:
+def _part(file: Path, name: str, corners: np.ndarray) -> MeshPart:
     check_vertices(file, corners)
-    return Part((name or file.stem,), join(facet_quads(corners)[0])[0])
+    return MeshPart((name or file.stem,), join(facet_quads(corners)[0])[0])

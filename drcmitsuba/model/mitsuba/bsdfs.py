@@ -15,7 +15,7 @@ from drcmitsuba.model.materials import (
     MirrorMaterial,
     SurfaceMaterial,
 )
-from drcmitsuba.model.mitsuba.entries import DEEPEST, Entry, Scene
+from drcmitsuba.model.mitsuba.entries import DEEPEST, SceneEntries, SceneEntry
 from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.radiance_materials import greyed, luminance
 
@@ -27,7 +27,7 @@ INDICES = {"vacuum": 1.0, "air": 1.000277, "water": 1.333, "acrylic glass": 1.49
 NAMED = "give it in [materials] under its id"
 
 
-def _index(entry: Entry) -> float:
+def _index(entry: SceneEntry) -> float:
     """Refractive index inside relative to air outside [–]."""
     indices = []
     for name, default in (("int_ior", "bk7"), ("ext_ior", "air")):
@@ -46,17 +46,17 @@ def _index(entry: Entry) -> float:
     return inside
 
 
-def _diffuse(entry: Entry, notes: Notes) -> SurfaceMaterial:
+def _diffuse(entry: SceneEntry, notes: Notes) -> SurfaceMaterial:
     notes.add(BOTH_SIDES)
     return Lambertian(entry.reflectance("reflectance", 0.5))
 
 
-def _plastic(entry: Entry, notes: Notes) -> SurfaceMaterial:
+def _plastic(entry: SceneEntry, notes: Notes) -> SurfaceMaterial:
     notes.add(MATT, entry.id)
     return Lambertian(entry.reflectance("diffuse_reflectance", 0.5))
 
 
-def _alpha(entry: Entry) -> float:
+def _alpha(entry: SceneEntry) -> float:
     if not entry.type.startswith("rough"):
         return 0.0
     value = entry.number("alpha", 0.1)
@@ -65,7 +65,7 @@ def _alpha(entry: Entry) -> float:
     return value
 
 
-def _conductor(entry: Entry, notes: Notes) -> SurfaceMaterial:
+def _conductor(entry: SceneEntry, notes: Notes) -> SurfaceMaterial:
     if entry.values.get("material") != "none":
         got = f"the metal {entry.values.get('material', 'by eta and k')!r:.60}"
         raise entry.error("material", got, NAMED)
@@ -83,16 +83,16 @@ def _conductor(entry: Entry, notes: Notes) -> SurfaceMaterial:
     return MirrorMaterial(type="mirror", reflectance=rho, **lobe)
 
 
-def _dielectric(entry: Entry, notes: Notes) -> SurfaceMaterial:
+def _dielectric(entry: SceneEntry, notes: Notes) -> SurfaceMaterial:
     return DielectricMaterial(type="dielectric", ior=_index(entry), roughness=_alpha(entry))
 
 
-def _pane(entry: Entry, notes: Notes) -> SurfaceMaterial:
+def _pane(entry: SceneEntry, notes: Notes) -> SurfaceMaterial:
     ior = _index(entry)
     return GlazingMaterial(type="glazing", transmittance=glass.most(ior), ior=ior)
 
 
-BSDFS: dict[str, Callable[[Entry, Notes], SurfaceMaterial]] = {
+BSDFS: dict[str, Callable[[SceneEntry, Notes], SurfaceMaterial]] = {
     "diffuse": _diffuse,
     **dict.fromkeys(("plastic", "roughplastic"), _plastic),
     **dict.fromkeys(("conductor", "roughconductor"), _conductor),
@@ -104,7 +104,7 @@ AROUND = ("twosided", "bumpmap", "normalmap")
 """BSDFs that hold another one."""
 
 
-def innermost(entry: Entry, scene: Scene, notes: Notes) -> Entry:
+def innermost(entry: SceneEntry, scene: SceneEntries, notes: Notes) -> SceneEntry:
     """BSDF within those that only wrap it."""
     for _ in range(DEEPEST):
         if entry.type not in AROUND:
@@ -121,7 +121,7 @@ def innermost(entry: Entry, scene: Scene, notes: Notes) -> Entry:
     raise entry.error("bsdf", f"more than {DEEPEST} around each other", "take some out")
 
 
-def material_of(entry: Entry, notes: Notes) -> SurfaceMaterial:
+def material_of(entry: SceneEntry, notes: Notes) -> SurfaceMaterial:
     """Material of a BSDF that wraps no other.
 
     Raises

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from drcmitsuba.model.mitsuba.entries import DEEPEST, Entry, Scene, Value
+from drcmitsuba.model.mitsuba.entries import DEEPEST, SceneEntries, SceneEntry, Value
 from drcmitsuba.runtime.errors import InputError
 
 REMEDY = "give numbers, texts, lists of numbers, transforms and dictionaries"
 
 
-def scene_of(dictionary: Mapping[str, Any], source: Path) -> Scene:
+def scene_of(dictionary: Mapping[str, Any], source: Path) -> SceneEntries:
     """Entries of a dictionary of the type "scene".
 
     Raises
@@ -25,15 +25,15 @@ def scene_of(dictionary: Mapping[str, Any], source: Path) -> Scene:
     if dictionary.get("type") != "scene":
         got = f"a dictionary of type {dictionary.get('type')!r:.60}"
         raise InputError(source, "type", got, 'give one of type "scene"')
-    by_id: dict[str, Entry] = {}
+    by_id: dict[str, SceneEntry] = {}
     whole = _entry("", dictionary, source, by_id, 0)
-    return Scene(source, tuple(whole.children.values()), by_id)
+    return SceneEntries(source, tuple(whole.children.values()), by_id)
 
 
 def _entry(
-    name: str, given: Mapping[str, Any], source: Path, by_id: dict[str, Entry], depth: int
-) -> Entry:
-    entry = Entry(source, "", str(given.get("type", "")), str(given.get("id", name)))
+    name: str, given: Mapping[str, Any], source: Path, by_id: dict[str, SceneEntry], depth: int
+) -> SceneEntry:
+    entry = SceneEntry(source, "", str(given.get("type", "")), str(given.get("id", name)))
     if depth > DEEPEST:
         raise entry.error("depth", f"more than {DEEPEST}", "nest less")
     for key, value in given.items():
@@ -48,7 +48,7 @@ def _entry(
     return entry
 
 
-def _value(entry: Entry, key: str, value: Any) -> Value:
+def _value(entry: SceneEntry, key: str, value: Any) -> Value:
     if isinstance(value, bool | str):
         return value
     if isinstance(value, Path):

@@ -23,7 +23,7 @@ Value = float | str | bool | np.ndarray
 
 
 @dataclass(eq=False)
-class Entry:
+class SceneEntry:
     """Shape, BSDF, texture or another plugin of a scene, or a reference to one."""
 
     source: Path
@@ -34,7 +34,7 @@ class Entry:
     """Name of the plugin."""
     id: str = ""
     values: dict[str, Value] = field(default_factory=dict)
-    children: dict[str, Entry] = field(default_factory=dict)
+    children: dict[str, SceneEntry] = field(default_factory=dict)
     """Entries within this one by name; nameless ones have a number."""
 
     def error(self, field: str, got: str, remedy: str) -> InputError:
@@ -102,14 +102,14 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Scene:
+class SceneEntries:
     """Entries of a scene, and those that references name."""
 
     source: Path
-    entries: tuple[Entry, ...]
-    by_id: Mapping[str, Entry]
+    entries: tuple[SceneEntry, ...]
+    by_id: Mapping[str, SceneEntry]
 
-    def resolved(self, entry: Entry) -> Entry:
+    def resolved(self, entry: SceneEntry) -> SceneEntry:
         """Entry itself, or the one to which a reference points.
 
         Raises

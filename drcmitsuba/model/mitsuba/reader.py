@@ -11,7 +11,7 @@ import numpy as np
 from drcmitsuba.model.materials import Lambertian, SurfaceMaterial
 from drcmitsuba.model.mitsuba import dictionary, xml
 from drcmitsuba.model.mitsuba.bsdfs import AROUND, BSDFS, innermost, material_of
-from drcmitsuba.model.mitsuba.entries import Entry, Scene
+from drcmitsuba.model.mitsuba.entries import SceneEntries, SceneEntry
 from drcmitsuba.model.mitsuba.shapes import SHAPES, quads_of
 from drcmitsuba.model.model import Layer, Model, role_of
 from drcmitsuba.model.notes import Notes
@@ -72,11 +72,11 @@ def from_dict(
     return _model(dictionary.scene_of(scene, source), unit, materials or {})
 
 
-def _model(scene: Scene, unit: float, materials: Mapping[str, SurfaceMaterial]) -> Model:
+def _model(scene: SceneEntries, unit: float, materials: Mapping[str, SurfaceMaterial]) -> Model:
     notes, left = Notes(), MOST_QUADS
     parts: dict[str, list[tuple[np.ndarray, str]]] = {}
     made: dict[str, SurfaceMaterial] = {}
-    bsdfs: dict[str, Entry | None] = {}
+    bsdfs: dict[str, SceneEntry | None] = {}
     for i, entry in enumerate(scene.entries):
         if entry.kind == "emitter":
             notes.add(NO_SOURCES)
@@ -101,12 +101,12 @@ def _model(scene: Scene, unit: float, materials: Mapping[str, SurfaceMaterial]) 
     return Model(layers=layers, notes=notes.sentences())
 
 
-def _is_shape(entry: Entry) -> bool:
+def _is_shape(entry: SceneEntry) -> bool:
     """Whether an entry of a dictionary is a shape, known or not."""
     return entry.type in SHAPES or ("to_world" in entry.values and "bsdf" in entry.children)
 
 
-def _bsdf(entry: Entry, scene: Scene, notes: Notes) -> Entry | None:
+def _bsdf(entry: SceneEntry, scene: SceneEntries, notes: Notes) -> SceneEntry | None:
     """BSDF of a shape; None without any."""
     every = [scene.resolved(child) for child in entry.children.values()]
     if any(child.kind == "emitter" or child.type == "area" for child in every):
@@ -117,12 +117,12 @@ def _bsdf(entry: Entry, scene: Scene, notes: Notes) -> Entry | None:
     return bsdfs[0] if bsdfs else None
 
 
-def _is_bsdf(entry: Entry) -> bool:
+def _is_bsdf(entry: SceneEntry) -> bool:
     """Whether an entry within a dictionary's shape is a BSDF, known or not."""
     return entry.type in (*BSDFS, *AROUND) or entry.type not in ("area", "rgb", "")
 
 
-def _name(entry: Entry, bsdf: Entry | None, number: int) -> str:
+def _name(entry: SceneEntry, bsdf: SceneEntry | None, number: int) -> str:
     """Name of a shape's layer: the id of its BSDF or of itself."""
     own = bsdf.id if bsdf is not None else ""
     if own in ("", "bsdf"):  # the usual key of a nameless BSDF in a dictionary
@@ -130,7 +130,7 @@ def _name(entry: Entry, bsdf: Entry | None, number: int) -> str:
     return own or f"shape {number + 1}"
 
 
-def _material(bsdf: Entry | None, scene: Scene, notes: Notes) -> SurfaceMaterial:
+def _material(bsdf: SceneEntry | None, scene: SceneEntries, notes: Notes) -> SurfaceMaterial:
     if bsdf is None:
         notes.add(GREY)
         return Lambertian(0.5)

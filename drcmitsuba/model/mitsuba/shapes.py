@@ -9,7 +9,7 @@ import numpy as np
 from drcmitsuba.model.mesh.obj import read_obj
 from drcmitsuba.model.mesh.part import beside
 from drcmitsuba.model.mesh.ply import read_ply
-from drcmitsuba.model.mitsuba.entries import Entry
+from drcmitsuba.model.mitsuba.entries import SceneEntry
 from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.radiance import bodies
 from drcmitsuba.model.radiance.xform import reversed_front
@@ -18,22 +18,22 @@ FACETS = "Curved bodies are facets, and up to 0.4 % smaller in area"
 FLAT = "Facets are flat where normals round them"
 
 
-def _rectangle(entry: Entry, notes: Notes) -> np.ndarray:
+def _rectangle(entry: SceneEntry, notes: Notes) -> np.ndarray:
     return np.array([[[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]])
 
 
-def _cube(entry: Entry, notes: Notes) -> np.ndarray:
+def _cube(entry: SceneEntry, notes: Notes) -> np.ndarray:
     top = _rectangle(entry, notes)[0] + [0, 0, 1]
     faces = [np.roll(top, axis, axis=1) for axis in range(3)]
     return np.array([*faces, *(-face[::-1] for face in faces)])
 
 
-def _disk(entry: Entry, notes: Notes) -> np.ndarray:
+def _disk(entry: SceneEntry, notes: Notes) -> np.ndarray:
     notes.add(FACETS)
     return bodies.ring(np.zeros(3), np.array([0.0, 0, 1]), (0.0, 1.0))
 
 
-def _sphere(entry: Entry, notes: Notes) -> np.ndarray:
+def _sphere(entry: SceneEntry, notes: Notes) -> np.ndarray:
     notes.add(FACETS)
     radius = entry.number("radius", 1)
     if not radius > 0:
@@ -41,7 +41,7 @@ def _sphere(entry: Entry, notes: Notes) -> np.ndarray:
     return bodies.sphere(entry.point("center", (0.0, 0.0, 0.0)), radius)
 
 
-def _cylinder(entry: Entry, notes: Notes) -> np.ndarray:
+def _cylinder(entry: SceneEntry, notes: Notes) -> np.ndarray:
     notes.add(FACETS)
     radius = entry.number("radius", 1)
     ends = entry.point("p0", (0.0, 0.0, 0.0)), entry.point("p1", (0.0, 0.0, 1.0))
@@ -51,7 +51,7 @@ def _cylinder(entry: Entry, notes: Notes) -> np.ndarray:
         raise entry.error("cylinder", str(error), "correct or remove it") from None
 
 
-def _mesh(entry: Entry, notes: Notes) -> np.ndarray:
+def _mesh(entry: SceneEntry, notes: Notes) -> np.ndarray:
     name = entry.text("filename")
     file = beside(entry.source, name)
     if file is None:
@@ -63,7 +63,7 @@ def _mesh(entry: Entry, notes: Notes) -> np.ndarray:
     return np.concatenate([np.zeros((0, 4, 3)), *parts])
 
 
-SHAPES: dict[str, Callable[[Entry, Notes], np.ndarray]] = {
+SHAPES: dict[str, Callable[[SceneEntry, Notes], np.ndarray]] = {
     "rectangle": _rectangle,
     "cube": _cube,
     "disk": _disk,
@@ -77,7 +77,7 @@ SHAPES: dict[str, Callable[[Entry, Notes], np.ndarray]] = {
 CURVED = ("disk", "sphere", "cylinder")
 
 
-def quads_of(entry: Entry, notes: Notes) -> np.ndarray:
+def quads_of(entry: SceneEntry, notes: Notes) -> np.ndarray:
     """Quads (quad, 4, 3) of a shape in the scene's frame, counter-clockwise from the front.
 
     Raises

@@ -12,7 +12,14 @@ from defusedxml import ElementTree
 from defusedxml.common import DefusedXmlException
 
 from drcmitsuba.model.mesh.part import beside
-from drcmitsuba.model.mitsuba.entries import DEEPEST, IDENTITY, MOST_ENTRIES, Entry, Scene, Value
+from drcmitsuba.model.mitsuba.entries import (
+    DEEPEST,
+    IDENTITY,
+    MOST_ENTRIES,
+    SceneEntries,
+    SceneEntry,
+    Value,
+)
 from drcmitsuba.model.source_file import read_bytes
 from drcmitsuba.runtime.errors import InputError
 
@@ -32,8 +39,8 @@ class _Reading:
 
     def __init__(self) -> None:
         self.defaults: dict[str, str] = {}
-        self.by_id: dict[str, Entry] = {}
-        self.entries: list[Entry] = []
+        self.by_id: dict[str, SceneEntry] = {}
+        self.entries: list[SceneEntry] = []
         self.bytes, self.files, self.count = LARGEST, MOST_FILES, 0
 
     def read(self, file: Path, depth: int = 0) -> None:
@@ -77,7 +84,7 @@ class _Reading:
             got = f"<{tag:.40}>"
             raise InputError(file, "scene", got, "leave it out: shapes and BSDFs are read")
 
-    def _entry(self, file: Path, element: Element, depth: int) -> Entry:
+    def _entry(self, file: Path, element: Element, depth: int) -> SceneEntry:
         """Entry of an element, with those within it."""
         self.count += 1
         if self.count > MOST_ENTRIES or depth > DEEPEST:
@@ -85,7 +92,7 @@ class _Reading:
             raise InputError(file, "scene", got, "leave out what no daylight meets")
         kind = element.tag
         plugin = "ref" if kind == "ref" else self._text(file, element, "type")
-        entry = Entry(file, kind, plugin, self._text(file, element, "id"))
+        entry = SceneEntry(file, kind, plugin, self._text(file, element, "id"))
         if kind == "spectrum" and element.get("value") is not None:
             entry.type, entry.values["value"] = "spectrum", self._value(file, element)
         for i, inner in enumerate(element):
@@ -224,7 +231,7 @@ _VALUES: dict[str, Callable[[Attribute, Element], Value]] = {
 """Elements that are values."""
 
 
-def scene_of(file: Path) -> Scene:
+def scene_of(file: Path) -> SceneEntries:
     """Entries of an XML file.
 
     Raises
@@ -234,4 +241,4 @@ def scene_of(file: Path) -> Scene:
     """
     reading = _Reading()
     reading.read(file)
-    return Scene(file, tuple(reading.entries), reading.by_id)
+    return SceneEntries(file, tuple(reading.entries), reading.by_id)

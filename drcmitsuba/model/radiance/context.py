@@ -7,8 +7,8 @@ from pathlib import Path
 
 from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.radiance.definitions import Definitions
-from drcmitsuba.model.radiance.surfaces import Surfaces
-from drcmitsuba.model.radiance.text import Place
+from drcmitsuba.model.radiance.surfaces import SurfacesByModifier
+from drcmitsuba.model.radiance.text import FileLine
 
 MOST_BYTES = 1 << 27
 """Largest size of all files together, each as often as it is read [byte]."""
@@ -31,20 +31,20 @@ class Budget:
     quads: int = MOST_QUADS
     copies: int = MOST_COPIES
 
-    def spend_file(self, place: Place) -> None:
+    def spend_file(self, place: FileLine) -> None:
         """Count a file, or a line of arguments; too many raise InputError."""
         self.files -= 1
         if self.files < 0:
             raise place.error("file", f"more than {MOST_FILES} files", "join some of them")
 
-    def spend_quads(self, quads: int, place: Place) -> None:
+    def spend_quads(self, quads: int, place: FileLine) -> None:
         """Count quads; too many raise InputError."""
         self.quads -= quads
         if self.quads < 0:
             got = f"more than {MOST_QUADS} surfaces"
             raise place.error("model", got, "leave out what no daylight meets")
 
-    def spend_copies(self, copies: int, place: Place) -> None:
+    def spend_copies(self, copies: int, place: FileLine) -> None:
         """Count copies of arrays; too many raise InputError."""
         self.copies -= copies
         if self.copies < 0:
@@ -56,7 +56,7 @@ class Context:
     """Where a statement stands, and what it adds to."""
 
     definitions: Definitions
-    surfaces: Surfaces
+    surfaces: SurfacesByModifier
     budget: Budget
     notes: Notes
     files: tuple[Path, ...] = ()

@@ -7,14 +7,14 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from drcmitsuba.model.radiance import expression
-from drcmitsuba.model.radiance.text import Place, Primitive
+from drcmitsuba.model.radiance.text import FileLine, Primitive
 from drcmitsuba.model.radiance.usage import Usage, options
 
 MOST_CELLS = 250_000
 """Largest number of cells of the grid."""
 
 
-def surface(words: Sequence[str], place: Place) -> Iterator[Primitive]:
+def surface(words: Sequence[str], place: FileLine) -> Iterator[Primitive]:
     """`gensurf mat name 'x(s,t)' 'y(s,t)' 'z(s,t)' m n [-e expr] [-s]`, m by n cells."""
     usage = Usage("gensurf mat name x(s,t) y(s,t) z(s,t) m n [-e expr] [-s]", place)
     given = options(words, 7, {"-e": 1, "-s": 0}, usage)

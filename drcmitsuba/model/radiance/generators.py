@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from drcmitsuba.model.radiance import expression
 from drcmitsuba.model.radiance.functional import surface
-from drcmitsuba.model.radiance.text import Place, Primitive
+from drcmitsuba.model.radiance.text import FileLine, Primitive
 from drcmitsuba.model.radiance.usage import Usage, options
 
 MOST_SEGMENTS = 100_000
@@ -27,7 +27,7 @@ SLAT_PIECE = 3.0
 """Arc of a piece of a curved slat [deg]."""
 
 
-def box(words: Sequence[str], place: Place) -> Iterator[Primitive]:
+def box(words: Sequence[str], place: FileLine) -> Iterator[Primitive]:
     """`genbox mat name x y z [-i] [-r radius | -b bevel]`: a box at the origin."""
     usage = Usage("genbox mat name xsize ysize zsize [-i] [-r radius | -b bevel]", place)
     given = options(words, 5, {"-i": 0, "-r": 1, "-b": 1}, usage)
@@ -91,7 +91,7 @@ def _rounded(
                 yield usage.primitive(words, "cylinder", [*at, *end, radius])
 
 
-def prism(words: Sequence[str], place: Place) -> Iterator[Primitive]:
+def prism(words: Sequence[str], place: FileLine) -> Iterator[Primitive]:
     """`genprism mat name N x1 y1 … xN yN [-l x y z] [-c] [-e]`: an extruded polygon."""
     usage = Usage("genprism mat name N x1 y1 … xN yN [-l x y z] [-c] [-e]", place)
     if len(words) < 3 or not words[2].isascii() or not words[2].isdigit():
@@ -114,7 +114,7 @@ def prism(words: Sequence[str], place: Place) -> Iterator[Primitive]:
         yield usage.polygon(words, side)
 
 
-def revolution(words: Sequence[str], place: Place) -> Iterator[Primitive]:
+def revolution(words: Sequence[str], place: FileLine) -> Iterator[Primitive]:
     """`genrev mat name 'z(t)' 'r(t)' nseg [-e expr] [-s]`: cones, cylinders and rings about z."""
     usage = Usage("genrev mat name z(t) r(t) nseg [-e expr] [-s]", place)
     given = options(words, 5, {"-e": 1, "-s": 0}, usage)
@@ -130,7 +130,7 @@ def revolution(words: Sequence[str], place: Place) -> Iterator[Primitive]:
             yield usage.primitive(words, kind, [0, 0, z0, 0, 0, z1, r0, r1])
 
 
-def worm(words: Sequence[str], place: Place) -> Iterator[Primitive]:
+def worm(words: Sequence[str], place: FileLine) -> Iterator[Primitive]:
     """`genworm mat name 'x(t)' 'y(t)' 'z(t)' 'r(t)' nseg [-e expr]`: cones and spheres."""
     usage = Usage("genworm mat name x(t) y(t) z(t) r(t) nseg [-e expr]", place)
     given = options(words, 7, {"-e": 1}, usage)
@@ -153,7 +153,7 @@ def worm(words: Sequence[str], place: Place) -> Iterator[Primitive]:
         yield usage.primitive(words, "cone", [*ends, r[i] * narrowed, r[i + 1] * narrowed])
 
 
-def blinds(words: Sequence[str], place: Place) -> Iterator[Primitive]:
+def blinds(words: Sequence[str], place: FileLine) -> Iterator[Primitive]:
     """`genblinds mat name depth width height nslats angle [-r|+r rcurv]`: slats along y.
 
     Slats stand above each other along z, from the front edge at x = 0 they rise by the angle. One
@@ -212,7 +212,7 @@ def _pairs(values: np.ndarray) -> Iterator[tuple[float, float]]:
     return zip(values[:-1].tolist(), values[1:].tolist(), strict=True)
 
 
-GENERATORS: dict[str, Callable[[Sequence[str], Place], Iterator[Primitive]]] = {
+GENERATORS: dict[str, Callable[[Sequence[str], FileLine], Iterator[Primitive]]] = {
     "genbox": box, "genprism": prism, "genrev": revolution, "genworm": worm, "gensurf": surface,
     "genblinds": blinds,
 }  # fmt: skip

@@ -15,7 +15,7 @@ from drcmitsuba.model.radiance.definitions import Definition, Definitions
 from drcmitsuba.model.radiance.films import Mounted, upside_down
 from drcmitsuba.model.radiance.materials import material_of
 from drcmitsuba.model.radiance.reading import read_file
-from drcmitsuba.model.radiance.surfaces import Patch, Surfaces, joined
+from drcmitsuba.model.radiance.surfaces import Patch, SurfacesByModifier, joined
 
 
 def read(files: Sequence[Path], *, means: bool = False) -> Model:
@@ -45,7 +45,7 @@ def read(files: Sequence[Path], *, means: bool = False) -> Model:
     """
     notes = Notes()
     folders = tuple(dict.fromkeys(Path(file).parent for file in files))
-    context = Context(Definitions(), Surfaces(notes), Budget(), notes, given=folders)
+    context = Context(Definitions(), SurfacesByModifier(notes), Budget(), notes, given=folders)
     for file in files:
         read_file(Path(file), context)
     gathered: dict[tuple[str, str], tuple[SurfaceMaterial, list[Patch]]] = {}

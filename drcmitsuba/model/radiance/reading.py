@@ -16,10 +16,10 @@ from drcmitsuba.model.radiance.definitions import MODIFIERS, SURFACES
 from drcmitsuba.model.radiance.generators import GENERATORS
 from drcmitsuba.model.radiance.patterns import SMOOTHED
 from drcmitsuba.model.radiance.polygons import LARGEST
-from drcmitsuba.model.radiance.surfaces import Surfaces
+from drcmitsuba.model.radiance.surfaces import SurfacesByModifier
 from drcmitsuba.model.radiance.text import (
     Command,
-    Place,
+    FileLine,
     Primitive,
     read_bytes,
     sought,
@@ -35,7 +35,7 @@ Stage = Callable[[Context], None]
 """Command of a pipe: it adds what it gives to a context."""
 
 
-def read_file(path: Path, context: Context, place: Place | None = None) -> None:
+def read_file(path: Path, context: Context, place: FileLine | None = None) -> None:
     """Add what a file describes to a context.
 
     Raises
@@ -51,7 +51,7 @@ def read_file(path: Path, context: Context, place: Place | None = None) -> None:
         raise place.error("file", f"a circle: {names}", "take out one of these calls")
     if len(chain) > DEEPEST and place:
         raise place.error("file", f"{len(chain)} files deep", f"nest at most {DEEPEST}")
-    context.budget.spend_file(place or Place(path, 1))
+    context.budget.spend_file(place or FileLine(path, 1))
     text = read_bytes(path, context.budget.bytes)
     context.budget.bytes -= len(text)
     inner = replace(context, files=chain, real=(*context.real, real))
@@ -117,7 +117,7 @@ def _run(command: Command, context: Context) -> None:
         stage(context)
 
 
-def _generator(name: str, words: Sequence[str], place: Place) -> Stage:
+def _generator(name: str, words: Sequence[str], place: FileLine) -> Stage:
     def stage(context: Context) -> None:
         if name in ("gensurf", "genrev") and "-s" in words[7 if name == "gensurf" else 5 :]:
             context.notes.add(SMOOTHED)
@@ -127,7 +127,7 @@ def _generator(name: str, words: Sequence[str], place: Place) -> Stage:
     return stage
 
 
-def _files(names: Iterable[str], place: Place) -> Stage:
+def _files(names: Iterable[str], place: FileLine) -> Stage:
     def stage(context: Context) -> None:
         for name in names:
             path = sought(name, context.folders)
@@ -139,7 +139,7 @@ def _files(names: Iterable[str], place: Place) -> Stage:
     return stage
 
 
-def _xform(words: Sequence[str], before: Stage | None, place: Place) -> Stage:
+def _xform(words: Sequence[str], before: Stage | None, place: FileLine) -> Stage:
     """Stage of `xform`, whose input is its files or the stage before."""
 
     def stage(context: Context) -> None:
@@ -150,7 +150,7 @@ def _xform(words: Sequence[str], before: Stage | None, place: Place) -> Stage:
 
 
 def _with_argument_files(
-    words: Sequence[str], context: Context, place: Place, depth: int
+    words: Sequence[str], context: Context, place: FileLine, depth: int
 ) -> list[list[str]]:
     """Command lines with each -f and its file replaced by the lines of the file, one at a time."""
     if "-f" not in words:
@@ -168,15 +168,15 @@ def _with_argument_files(
         inner = Command("xform " + line.strip().removeprefix("!").removeprefix("xform"), place)
         if not line.strip() or line.lstrip().startswith("#"):
             continue
-        context.budget.spend_file(Place(path, number))
-        given = commands.pipeline(inner._replace(place=Place(path, number)))[0][1:]
+        context.budget.spend_file(FileLine(path, number))
+        given = commands.pipeline(inner._replace(place=FileLine(path, number)))[0][1:]
         whole = [*words[:at], *given, *words[at + 2 :]]
         lines += _with_argument_files(whole, context, place, depth + 1)
     return lines
 
 
 def _transformed(
-    words: Sequence[str], before: Stage | None, context: Context, place: Place
+    words: Sequence[str], before: Stage | None, context: Context, place: FileLine
 ) -> None:
     """Add what `xform` gives for its arguments to a context."""
     override, inverted, at = context.override, False, 0
@@ -199,7 +199,7 @@ def _transformed(
     if stage is None:
         raise place.error("xform", "no file", "name one, or write it behind a pipe")
     since = len(context.definitions.order)
-    inner = replace(context, surfaces=Surfaces(context.notes), override=override)
+    inner = replace(context, surfaces=SurfacesByModifier(context.notes), override=override)
     stage(inner)
     patches = inner.surfaces.patches()
     context.budget.spend_copies(len(moves), place)

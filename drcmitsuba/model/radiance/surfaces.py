@@ -13,7 +13,7 @@ import numpy as np
 from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.radiance import bodies, polygons
 from drcmitsuba.model.radiance.definitions import SURFACES, Definition, Moved
-from drcmitsuba.model.radiance.text import Place, Primitive
+from drcmitsuba.model.radiance.text import FileLine, Primitive
 from drcmitsuba.model.radiance.xform import Moves, reversed_front
 
 MOST_MOVED = 10_000
@@ -56,15 +56,15 @@ class _Polygons:
     lines: array = field(default_factory=lambda: array("q"))
     files: list[Path] = field(default_factory=list)
 
-    def place(self, index: int) -> Place:
+    def place(self, index: int) -> FileLine:
         """Line on which a polygon stands."""
-        return Place(self.files[index], self.lines[index])
+        return FileLine(self.files[index], self.lines[index])
 
 
 EMPTY = "Polygons without area are left out"
 
 
-class Surfaces:
+class SurfacesByModifier:
     """Surfaces by their modifier; None stands for void."""
 
     def __init__(self, notes: Notes) -> None:
@@ -130,7 +130,7 @@ class Surfaces:
         return {key: patches[0] for key, patches in self._patches.items()}
 
     def add_copies(
-        self, patches: dict[Definition | None, Patch], moves: Moves, since: int, place: Place
+        self, patches: dict[Definition | None, Patch], moves: Moves, since: int, place: FileLine
     ) -> None:
         """Take in copies of patches; definitions since a position move with them.
 

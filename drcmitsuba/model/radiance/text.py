@@ -22,7 +22,7 @@ _COMMENT = re.compile(rb"#[^\r\n]*")
 _NO_TEXT = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
 
 
-class Place(NamedTuple):
+class FileLine(NamedTuple):
     """Line of a file."""
 
     file: Path
@@ -45,7 +45,7 @@ class Primitive(NamedTuple):
     name: str
     strings: tuple[str, ...]
     numbers: list[float]
-    place: Place
+    place: FileLine
 
     def error(self, got: str, remedy: str) -> InputError:
         """Error that names the file, the line and the primitive."""
@@ -56,7 +56,7 @@ class Command(NamedTuple):
     """Line that begins with an exclamation mark."""
 
     text: str
-    place: Place
+    place: FileLine
 
 
 def read_bytes(path: Path, most: int) -> bytes:
@@ -104,14 +104,14 @@ def statements(text: bytes, file: Path) -> Iterator[Primitive | Command]:
         if first == b"#":
             at = _COMMENT.match(text, begin).end()  # type: ignore[union-attr]
         elif first == b"!":
-            place = Place(file, line)
+            place = FileLine(file, line)
             command = _COMMAND.match(text, begin)
             if command is None:
                 raise place.error("command", "an endless line", "write files of commands instead")
             yield Command(decoded(re.sub(rb"\\\r?\n", b" ", command.group(1))), place)
             at = command.end()
         else:
-            primitive, at = _primitive(text, begin, Place(file, line))
+            primitive, at = _primitive(text, begin, FileLine(file, line))
             yield primitive
 
 
@@ -129,7 +129,7 @@ def _unquoted(word: bytes) -> str:
     return decoded(word)
 
 
-def _primitive(text: bytes, begin: int, place: Place) -> tuple[Primitive, int]:
+def _primitive(text: bytes, begin: int, place: FileLine) -> tuple[Primitive, int]:
     """Primitive that begins at a byte, and the byte behind its last argument."""
     words = _WORD.finditer(text, begin)
     head = list(islice(words, 4))

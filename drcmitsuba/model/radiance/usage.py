@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drcmitsuba.model.radiance.text import Place, Primitive, is_number
+from drcmitsuba.model.radiance.text import FileLine, Primitive, is_number
 from drcmitsuba.runtime.errors import InputError
 
 LARGEST = 1e12
@@ -19,7 +19,7 @@ class Usage:
     """Form of a command and its line."""
 
     form: str
-    place: Place
+    place: FileLine
 
     def error(self, got: str) -> InputError:
         """Error that states the form."""

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from drcmitsuba.model.model import Grid, View
-from drcmitsuba.model.radiance.text import Place, decoded, is_number, read_bytes
+from drcmitsuba.model.model import SensorGrid, View
+from drcmitsuba.model.radiance.text import FileLine, decoded, is_number, read_bytes
 from drcmitsuba.runtime.errors import InputError
 
 MOST_BYTES = 1 << 26
@@ -61,11 +61,11 @@ def read_views(path: Path) -> tuple[View, ...]:
     views = []
     for i, (number, line) in enumerate(lines, 1):
         name = path.stem if len(lines) == 1 else f"{path.stem} {i}"
-        views.append(_view(line, name, Place(path, number)))
+        views.append(_view(line, name, FileLine(path, number)))
     return tuple(views)
 
 
-def view_options(line: str, place: Place) -> dict[str, Any]:
+def view_options(line: str, place: FileLine) -> dict[str, Any]:
     """Options of a view in a line by their name; those left out have Radiance's defaults.
 
     Parameters
@@ -124,7 +124,7 @@ def view_options(line: str, place: Place) -> dict[str, Any]:
     return given
 
 
-def _view(line: str, name: str, place: Place) -> View:
+def _view(line: str, name: str, place: FileLine) -> View:
     """View that a line states."""
     given = view_options(line, place)
     angles = (*given["-vh"], *given["-vv"])
@@ -135,7 +135,7 @@ def _view(line: str, name: str, place: Place) -> View:
     )  # fmt: skip
 
 
-def read_points(path: Path) -> Grid:
+def read_points(path: Path) -> SensorGrid:
     """Read the sensors of a file.
 
     Parameters
@@ -161,7 +161,7 @@ def read_points(path: Path) -> Grid:
         words = line.split()
         if not words or words[0].startswith(b"#"):
             continue
-        place = Place(path, number)
+        place = FileLine(path, number)
         if len(words) != 6 or not all(is_number(word) for word in words):
             got = decoded(line[:80])
             raise place.error("sensor", got, "write six numbers, x y z dx dy dz")
@@ -180,5 +180,5 @@ def read_points(path: Path) -> Grid:
         i = int(np.argmax(wrong))
         got = " ".join(f"{v:g}" for v in values[i])
         remedy = "give finite numbers and a normal with a length"
-        raise Place(path, numbers[i]).error("sensor", got, remedy)
-    return Grid(name=path.stem, points=values[:, :3], normals=values[:, 3:] / length[:, None])
+        raise FileLine(path, numbers[i]).error("sensor", got, remedy)
+    return SensorGrid(name=path.stem, points=values[:, :3], normals=values[:, 3:] / length[:, None])

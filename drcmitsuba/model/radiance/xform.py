@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drcmitsuba.model.radiance.text import Place, is_number
+from drcmitsuba.model.radiance.text import FileLine, is_number
 
 MOST_COPIES = 1_000_000
 """Largest number of copies of an array."""
@@ -87,7 +87,7 @@ def _step(option: str, values: Sequence[float]) -> np.ndarray:
     return matrix
 
 
-def _values(option: str, given: Sequence[str], place: Place) -> list[float]:
+def _values(option: str, given: Sequence[str], place: FileLine) -> list[float]:
     """Arguments of an option as numbers."""
     values = [float(word) for word in given if is_number(word)]
     wrong = len(values) < ARGUMENTS[option] or not all(abs(v) <= LARGEST for v in values)
@@ -98,7 +98,7 @@ def _values(option: str, given: Sequence[str], place: Place) -> list[float]:
     return values
 
 
-def _count(option: str, words: Sequence[str], place: Place) -> int:
+def _count(option: str, words: Sequence[str], place: FileLine) -> int:
     """Argument of -a or -i, which is the first of the words."""
     word = words[0] if words else ""
     least = int(option == "-a")
@@ -118,7 +118,7 @@ def _repeated(step: np.ndarray, option: str, count: int) -> Moves:
     return Moves(np.array(powers))
 
 
-def transform(words: Sequence[str], place: Place) -> tuple[Moves, int]:
+def transform(words: Sequence[str], place: FileLine) -> tuple[Moves, int]:
     """Moves that options say, and the number of words that are options.
 
     Parameters

@@ -28,7 +28,7 @@ from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.scene import Scene, load
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.cells.cells import Grid
+from drcmitsuba.transport.cells.cells import CellGrid
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.films.answers import SAMPLES
 from drcmitsuba.transport.films.films import FEW_ROWS, Films
@@ -53,7 +53,7 @@ Amount = tuple[str, str, float]
 """Effect, unit of work, number of units."""
 
 
-class Paths(NamedTuple):
+class PilotPaths(NamedTuple):
     """Paths of the gather."""
 
     rays: float = 0.0
@@ -68,11 +68,11 @@ class Paths(NamedTuple):
     """Number of vertices in each cell that the pilot met, shape (cell,)."""
 
     @classmethod
-    def of(cls, scene: Scene, points: np.ndarray, normals: np.ndarray, a: Accuracy) -> Paths:
+    def of(cls, scene: Scene, points: np.ndarray, normals: np.ndarray, a: Accuracy) -> PilotPaths:
         """Trace the paths of the pilot's sensors, as `compute` does."""
         if scene.effects.depth == 0:
             return cls()
-        grid, counted, bounces = Grid.of(scene, a.cell_size), scene.ray_counter.counted, 1.0
+        grid, counted, bounces = CellGrid.of(scene, a.cell_size), scene.ray_counter.counted, 1.0
         once = scene.effects.solved_cells
         if not once:
             seed = launch_seed(a.seed, Stream.PATH_LENGTHS)
@@ -111,7 +111,7 @@ class Pilot:
     accuracy: Accuracy
     bins: tuple[int, int]
     """Number of bins of sky and ground, and of suns."""
-    paths: Paths
+    paths: PilotPaths
     cells: float
     """Number of cells of the evaluation."""
     coefficients: xr.Dataset
@@ -144,7 +144,7 @@ class Pilot:
         few = suns.where(np.isin(np.arange(bins[1]), spread(bins[1], SUNS)))
         if first is not None:
             few = _among(first.few, suns)
-        paths = Paths.of(scene, points, normals, a) if any(bins) else Paths()
+        paths = PilotPaths.of(scene, points, normals, a) if any(bins) else PilotPaths()
         some = _sensors(len(points), a, paths.bounces)
         photons = min(a.photons, max(1, PHOTONS // (PATCH * patches + len(few.labels) + 1)))
         photons = photons if first is None else first.photons

@@ -3,7 +3,7 @@
 report
     `Report`: façades side by side, and their formats.
 facade
-    `Facade`: one evaluation, from a folder or a result in memory.
+    `EvaluatedFacade`: one evaluation, from a folder or a result in memory.
 tables, verdicts, record
     Tables: what was asked, metrics, months, spaces; verdicts on standards; plan and versions.
 charts
@@ -18,7 +18,7 @@ table, labels
     Tables of any content; the words of the report, to translate.
 """
 
-from drcmitsuba.report.document.facade import Facade
+from drcmitsuba.report.document.facade import EvaluatedFacade
 from drcmitsuba.report.document.report import Report
 
-__all__ = ["Facade", "Report"]
+__all__ = ["EvaluatedFacade", "Report"]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import groupby
 
 from drcmitsuba.report.captions import MONTHS, month_names
-from drcmitsuba.report.document.facade import Facade
+from drcmitsuba.report.document.facade import EvaluatedFacade
 from drcmitsuba.report.document.labels import labels
 from drcmitsuba.report.document.tables import MONTHLY, has_shade
 
@@ -39,7 +39,7 @@ class Chart:
     """Months with the least daylight and with the most sun, in words."""
 
 
-def months(facade: Facade, name: str) -> Chart:
+def months(facade: EvaluatedFacade, name: str) -> Chart:
     """Chart of the metrics of a façade by month."""
     shown = MONTHLY if has_shade(facade) else MONTHLY[:2]
     ticks = tuple((_x(i), month) for i, month in enumerate(MONTHS))
@@ -49,7 +49,7 @@ def months(facade: Facade, name: str) -> Chart:
     return Chart(title, lines, ticks, levels, _extremes(facade))
 
 
-def _extremes(facade: Facade) -> str:
+def _extremes(facade: EvaluatedFacade) -> str:
     """Months with the least enough daylight, and with the most points in too much sun."""
     t, words = labels(), []
     for key, phrase, extreme in (("msDA", "months_least", min), ("MSE", "months_most", max)):

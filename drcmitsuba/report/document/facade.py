@@ -33,7 +33,7 @@ OF_METRICS = ("metrics", "variant", "notes")
 
 
 @dataclass(frozen=True, eq=False)
-class Facade:
+class EvaluatedFacade:
     """Evaluation of one façade, as the report shows it."""
 
     case: Case
@@ -68,7 +68,7 @@ class Facade:
         return float(self.illuminance.attrs.get("step_hours", 1.0))
 
     @classmethod
-    def of_folder(cls, folder: str | Path) -> Callable[[], Facade]:
+    def of_folder(cls, folder: str | Path) -> Callable[[], EvaluatedFacade]:
         """Read the files of `evaluate -o FOLDER`; C, L and the plan may be missing.
 
         So may `lights.nc`, `light_of_sensors.nc` and `glare.json`, which other commands add.
@@ -104,7 +104,9 @@ class Facade:
         )  # fmt: skip
 
     @classmethod
-    def of_result(cls, result: Evaluated, numbers: dict[str, Any], plan: dict[str, Any]) -> Facade:
+    def of_result(
+        cls, result: Evaluated, numbers: dict[str, Any], plan: dict[str, Any]
+    ) -> EvaluatedFacade:
         """Take a result in memory, with its metrics and its plan."""
         evidence = Evidence.of_result(result)
         plain = json.loads(json.dumps([numbers, plan], default=str))
@@ -114,7 +116,7 @@ class Facade:
     def _judged(
         cls, case: Case, evidence: Evidence, numbers: dict[str, Any],
         plan: dict[str, dict[str, Any]], notes: tuple[str, ...] = (),
-    ) -> Facade:  # fmt: skip
+    ) -> EvaluatedFacade:  # fmt: skip
         E = evidence.illuminance
         light = {name: luminance(E[name]) for name in ("total", "direct_sun")}
         seen = xr.Dataset(light, coords=E.coords, attrs=E.attrs)  # states of groups have other dims

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from drcmitsuba.case.groups import GroupStates
-from drcmitsuba.report.document.facade import Facade
+from drcmitsuba.report.document.facade import EvaluatedFacade
 from drcmitsuba.report.document.packing import levels, packed
 from drcmitsuba.runtime.errors import InputError, on_a_line
 
@@ -24,7 +24,7 @@ MINUTE = np.timedelta64(1, "m")
 class Hours:
     """Illuminance of the points in all hours, or in those of every nth day."""
 
-    facade: Facade
+    facade: EvaluatedFacade
     points: np.ndarray
     """Sensors, indices, shape (point,)."""
 

@@ -21,7 +21,7 @@ PER_UNIT = 1000
 """Shares are in tenths of a per cent."""
 
 
-class Light(TypedDict):
+class PackedLight(TypedDict):
     """Light of points as a page holds it."""
 
     windows: list[str]
@@ -49,7 +49,7 @@ def light_of_sensors(folder: Path, E: xr.Dataset) -> xr.Dataset | None:
     return data
 
 
-def shares(lights: xr.Dataset, shown: np.ndarray) -> Light:
+def shares(lights: xr.Dataset, shown: np.ndarray) -> PackedLight:
     """Shares of the windows, sources and bounces in the light of points for the script.
 
     Parameters

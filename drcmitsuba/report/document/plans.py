@@ -8,7 +8,7 @@ import numpy as np
 
 from drcmitsuba import metrics
 from drcmitsuba.metrics.grids import sensors_by_grid
-from drcmitsuba.report.document.facade import Facade
+from drcmitsuba.report.document.facade import EvaluatedFacade
 from drcmitsuba.report.document.labels import labels
 from drcmitsuba.report.document.packing import Packed, packed
 from drcmitsuba.report.outlines import outlines_in_plan
@@ -30,13 +30,15 @@ PER_UNIT = 10_000
 """Probabilities are in hundredths of a per cent."""
 
 
-def shown_points(facade: Facade, most: int = MOST_POINTS) -> np.ndarray:
+def shown_points(facade: EvaluatedFacade, most: int = MOST_POINTS) -> np.ndarray:
     """Sensors that the plans show, as indices, int, shape (point,)."""
     sensors = facade.illuminance.sizes["sensor"]
     return np.arange(0, sensors, -(-sensors // most))
 
 
-def plans(facade: Facade, shown: np.ndarray, corners: int = MOST_CORNERS) -> dict[str, Any]:
+def plans(
+    facade: EvaluatedFacade, shown: np.ndarray, corners: int = MOST_CORNERS
+) -> dict[str, Any]:
     """Points, sheets and counts of a façade for the script.
 
     Parameters
@@ -91,7 +93,7 @@ def _tiles(x: np.ndarray, y: np.ndarray, grids: dict[str, np.ndarray]) -> np.nda
     return out
 
 
-def _sheet(facade: Facade, sheet: Sheet, at: np.ndarray, corners: int) -> dict[str, Any]:
+def _sheet(facade: EvaluatedFacade, sheet: Sheet, at: np.ndarray, corners: int) -> dict[str, Any]:
     """Name of a sheet, and its outlines x, y, x, y, … [mm] with at most so many corners."""
     lines = outlines_in_plan(facade.case, at[sheet.sensors], sheet)
     heights = f"{sheet.low:.2f} m"
@@ -109,7 +111,7 @@ def _sheet(facade: Facade, sheet: Sheet, at: np.ndarray, corners: int) -> dict[s
     return {"name": name, "outlines": kept}
 
 
-def _counts(facade: Facade, shown: np.ndarray) -> dict[str, Any]:
+def _counts(facade: EvaluatedFacade, shown: np.ndarray) -> dict[str, Any]:
     """Mean illuminance, time stamps above the thresholds, and probabilities to count, by point."""
     E, t = facade.illuminance, facade.case.metrics
     stamps = E.sizes["time"]
@@ -139,7 +141,7 @@ def _counts(facade: Facade, shown: np.ndarray) -> dict[str, Any]:
 
 
 def _probability(
-    facade: Facade, metric: str, passes: np.ndarray, shown: np.ndarray
+    facade: EvaluatedFacade, metric: str, passes: np.ndarray, shown: np.ndarray
 ) -> np.ndarray:  # fmt: skip
     """Probability that each point counts for a metric, in parts of PER_UNIT."""
     share = np.zeros(facade.illuminance.sizes["sensor"])

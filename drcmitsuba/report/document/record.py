@@ -5,13 +5,13 @@ from __future__ import annotations
 import platform
 from importlib import metadata, resources
 
-from drcmitsuba.report.document.facade import Facade
+from drcmitsuba.report.document.facade import EvaluatedFacade
 from drcmitsuba.report.document.labels import labels
 from drcmitsuba.report.document.table import (
     NONE,
     Cell,
     Number,
-    Table,
+    PageTable,
     in_columns,
     plain,
     share,
@@ -26,7 +26,7 @@ OF_ACCURACY = ("seed", "replicates", "paths", "cell_size", "photons")
 """Settings of the sampling that are shown."""
 
 
-def plan(facade: Facade, name: str) -> Table | None:
+def plan(facade: EvaluatedFacade, name: str) -> PageTable | None:
     """Table of the effects that were simulated, and why; None without `plan.json`."""
     t = labels()
     rows = tuple(
@@ -40,10 +40,10 @@ def plan(facade: Facade, name: str) -> Table | None:
         return None
     cost = facade.plan.get("cost", {}).get("reason")
     note = f"{t['cost']}: {text(cost)}" if cost else ""
-    return Table(name, (t["effect"], t["simulated"], t["reason"], t["share"]), rows, note)
+    return PageTable(name, (t["effect"], t["simulated"], t["reason"], t["share"]), rows, note)
 
 
-def versions(facades: list[Facade], names: list[str]) -> Table:
+def versions(facades: list[EvaluatedFacade], names: list[str]) -> PageTable:
     """Table of versions, sampling and time."""
     t = labels()
     rows: dict[str, list[Cell]] = {
@@ -60,27 +60,27 @@ def versions(facades: list[Facade], names: list[str]) -> Table:
     return in_columns(t["versions"], t["what"], names, rows, note)
 
 
-def _seconds(facade: Facade) -> Cell:
+def _seconds(facade: EvaluatedFacade) -> Cell:
     seconds = facade.numbers.get("seconds", {})
     values = seconds.values() if isinstance(seconds, dict) else ()
     known = [v for v in values if isinstance(v, int | float) and abs(v) < 1e12]
     return (Number(sum(known)), " s") if known else (NONE,)
 
 
-def _memory(facade: Facade) -> Cell:
+def _memory(facade: EvaluatedFacade) -> Cell:
     size = facade.numbers.get("peak_memory_bytes")
     known = isinstance(size, int) and 0 <= size < 1 << 60
     return (Number(size / (1 << 30), 2), " GiB") if known else (NONE,)  # type: ignore[operator]
 
 
-def notes(facade: Facade) -> list[str]:
+def notes(facade: EvaluatedFacade) -> list[str]:
     """Notes on a result, and on what the report cannot show."""
     told = facade.settings.get("notes", [])
     every = [*facade.notes, *(told if isinstance(told, list) else ())]
     return [text(note) for note in every[:MOST_NOTES]]
 
 
-def validation() -> Table:
+def validation() -> PageTable:
     """Table of what the program was compared with."""
     t = labels()
     file = resources.files(__package__).joinpath("validation.toml")
@@ -89,4 +89,4 @@ def validation() -> Table:
         tuple(plain(row[key]) for key in ("ours", "against", "agreement")) for row in rows
     )
     head = (t["ours"], t["against"], t["agreement"])
-    return Table(t["validation"], head, cells, t["validation_note"])
+    return PageTable(t["validation"], head, cells, t["validation_note"])

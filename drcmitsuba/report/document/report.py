@@ -20,13 +20,13 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from drcmitsuba.report.document import charts, record, stored_lights, tables, verdicts
-from drcmitsuba.report.document.facade import Facade
+from drcmitsuba.report.document.facade import EvaluatedFacade
 from drcmitsuba.report.document.hours import Hours
 from drcmitsuba.report.document.labels import labels
-from drcmitsuba.report.document.light_of_sensors import Light, shares
+from drcmitsuba.report.document.light_of_sensors import PackedLight, shares
 from drcmitsuba.report.document.plans import MOST_CORNERS, MOST_POINTS, plans, shown_points
-from drcmitsuba.report.document.stored_pictures import Picture, glare_table, pictures
-from drcmitsuba.report.document.table import Number, Table, text
+from drcmitsuba.report.document.stored_pictures import PagePicture, glare_table, pictures
+from drcmitsuba.report.document.table import Number, PageTable, text
 from drcmitsuba.report.lights import of_period
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
@@ -72,7 +72,7 @@ def _digest(content: str) -> str:
 class Report:
     """Report on one or several façades; shows itself in Jupyter."""
 
-    facades: list[Facade]
+    facades: list[EvaluatedFacade]
 
     @classmethod
     def of_folders(cls, folders: Iterable[str | Path]) -> Report:
@@ -88,7 +88,7 @@ class Report:
             remedy = f"give 1 to {MOST_FACADES}"
             raise InputError("report", "folders", str(len(folders)), remedy)
         with ThreadPoolExecutor(1) as thread:  # one façade is judged while the next one is read
-            judged = [thread.submit(Facade.of_folder(folder)) for folder in folders]
+            judged = [thread.submit(EvaluatedFacade.of_folder(folder)) for folder in folders]
         return cls([facade.result() for facade in judged])
 
     @cached_property
@@ -103,14 +103,14 @@ class Report:
         return names
 
     @cached_property
-    def _each(self) -> list[tuple[Facade, str]]:
+    def _each(self) -> list[tuple[EvaluatedFacade, str]]:
         return list(zip(self.facades, self.names, strict=True))
 
     @cached_property
     def _content(self) -> dict[str, Any]:
         """Content of the templates without what the script draws."""
 
-        def known(every: Iterable[Table | None]) -> list[Table]:
+        def known(every: Iterable[PageTable | None]) -> list[PageTable]:
             return [table for table in every if table is not None]
 
         t = labels()
@@ -170,12 +170,12 @@ class Report:
                 facade["hours"] = hours
         return page.render(content, drawn=drawn)
 
-    def _domes(self, facade: Facade) -> dict[str, Any] | None:
+    def _domes(self, facade: EvaluatedFacade) -> dict[str, Any] | None:
         if facade.lights is None:
             return None
         return stored_lights.domes(facade.lights, MOST_DOMES // len(self.facades))
 
-    def _pictures(self) -> list[tuple[str, list[Picture]]]:
+    def _pictures(self) -> list[tuple[str, list[PagePicture]]]:
         """Pictures of every façade that has some, by its name."""
         most = int(MOST_OF_PICTURES * LARGEST_PAGE) // len(self.facades)
         every = [(name, pictures(f.folder, most)) for f, name in self._each if f.folder is not None]
@@ -209,12 +209,12 @@ class Report:
         return f'<iframe title="{escape(labels()["title"])}" {frame} srcdoc="{page}"></iframe>'
 
 
-def _light_of(facade: Facade, shown: np.ndarray) -> Light | None:
+def _light_of(facade: EvaluatedFacade, shown: np.ndarray) -> PackedLight | None:
     known = facade.light_of_sensors
     return None if known is None else shares(known, shown)
 
 
-def _numbers(facade: Facade) -> Iterator[list[Any]]:
+def _numbers(facade: EvaluatedFacade) -> Iterator[list[Any]]:
     """Space, month, metric, value, low, high and unit of every metric."""
     keys = ("value", "low", "high")
     for metric in ("sDA", "ASE", "shade_closed"):
@@ -228,7 +228,7 @@ def _numbers(facade: Facade) -> Iterator[list[Any]]:
             yield [_inert(text(grid)), "", metric, *(numbers[metric][key] for key in keys), "%"]
 
 
-def _lights(facade: Facade) -> Iterator[list[Any]]:
+def _lights(facade: EvaluatedFacade) -> Iterator[list[Any]]:
     """The same of the light of every traced point by window, source and number of bounces."""
     if facade.lights is None:
         return
@@ -241,7 +241,7 @@ def _lights(facade: Facade) -> Iterator[list[Any]]:
         yield [f"point {sensor}", "", metric, float(value), "", "", "lx h"]
 
 
-def _glare(facade: Facade) -> Iterator[list[Any]]:
+def _glare(facade: EvaluatedFacade) -> Iterator[list[Any]]:
     """The same of the hours with glare of every view, and the probability of its class."""
     for state, views in (facade.glare or {}).items():
         for view, of in views.items():

@@ -11,7 +11,7 @@ from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.report.document.labels import labels
 from drcmitsuba.report.document.packing import packed
-from drcmitsuba.report.document.table import Cell, Number, Table, plain, text
+from drcmitsuba.report.document.table import Cell, Number, PageTable, plain, text
 from drcmitsuba.report.lights import REMEDY, of_period, read_lights
 from drcmitsuba.runtime.errors import InputError
 
@@ -64,7 +64,7 @@ def _shares(light: xr.DataArray) -> list[float]:
     return [sun[0], sun[1:].sum(), sky[0], sky[1:].sum(), ground.sum()]
 
 
-def table(lights: xr.Dataset, name: str) -> Table:
+def table(lights: xr.Dataset, name: str) -> PageTable:
     """Table with a row for each traced point and window: its share in the light of the point."""
     t, rows = labels(), []
     head = ["light_point", "window", "light_sun", "light_sun_reflected", "light_sky"]
@@ -83,7 +83,7 @@ def table(lights: xr.Dataset, name: str) -> Table:
             rows.append((plain(at), plain(window), *cells))
     note = t["light_note"] if lights.attrs["by_evaluation"] else t["light_note_open"]
     title = t["light_table"].format(facade=name)
-    return Table(title, tuple(t[key] for key in head), tuple(rows), note)
+    return PageTable(title, tuple(t[key] for key in head), tuple(rows), note)
 
 
 def domes(lights: xr.Dataset, most: int) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from pydantic import BaseModel, Field, ValidationError
 
 from drcmitsuba.metrics import Interval
 from drcmitsuba.report.document.labels import labels
-from drcmitsuba.report.document.table import Cell, Table, interval, plain, share, text
+from drcmitsuba.report.document.table import Cell, PageTable, interval, plain, share, text
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 
@@ -32,7 +32,7 @@ MOST_PIXELS = 1 << 26
 
 
 @dataclass(frozen=True)
-class Picture:
+class PagePicture:
     """Picture of a page."""
 
     name: str
@@ -40,7 +40,7 @@ class Picture:
     """Content as a `data:` address."""
 
 
-def pictures(folder: Path, most: int) -> list[Picture]:
+def pictures(folder: Path, most: int) -> list[PagePicture]:
     """Pictures (PNG) of a folder, made small; together at most so many characters.
 
     Files that are no picture are left out.
@@ -53,7 +53,7 @@ def pictures(folder: Path, most: int) -> list[Picture]:
         if address is None or len(address) > most:
             continue
         most -= len(address)
-        out.append(Picture(text(path.stem), address))
+        out.append(PagePicture(text(path.stem), address))
         if len(out) == MOST_PICTURES:
             break
     return out
@@ -117,7 +117,7 @@ def stored_glare(folder: Path) -> Glare | None:
         raise InputError(path, "glare", got, remedy) from None
 
 
-def glare_table(glare: Glare, name: str) -> Table:
+def glare_table(glare: Glare, name: str) -> PageTable:
     """Table of the hours with glare of every view, by state of the façade."""
     t, rows = labels(), []
     every = [view for views in glare.values() for view in views.values()]
@@ -132,4 +132,4 @@ def glare_table(glare: Glare, name: str) -> Table:
     head = [t["view"], t["state"], *(t["glare_above"].format(limit=text(k)) for k in limits)]
     head += [t["glare_class"], t["probability"]]
     note = t["more_views"].format(count=len(rows) - MOST_VIEWS) if len(rows) > MOST_VIEWS else ""
-    return Table(name, tuple(head), tuple(rows[:MOST_VIEWS]), note)
+    return PageTable(name, tuple(head), tuple(rows[:MOST_VIEWS]), note)

@@ -37,7 +37,7 @@ Cell = tuple[str | Number, ...]
 
 
 @dataclass(frozen=True)
-class Table:
+class PageTable:
     """Table with a name for every row in its first column."""
 
     title: str
@@ -65,10 +65,10 @@ def interval(number: Mapping[str, float] | None, unit: str = "%", digits: int = 
 
 
 def in_columns(title: str, first: str, names: list[str], rows: Mapping[str, list[Cell]],
-               note: str = "") -> Table:  # fmt: skip
+               note: str = "") -> PageTable:  # fmt: skip
     """Table with a column for each façade; `rows` are its cells by the name of the row."""
     cells = tuple((plain(name), *row) for name, row in rows.items())
-    return Table(title, (first, *names), cells, note)
+    return PageTable(title, (first, *names), cells, note)
 
 
 def share(value: Any) -> str:

@@ -7,13 +7,13 @@ from pathlib import Path
 
 from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.report.captions import month_names, period_text
-from drcmitsuba.report.document.facade import Facade
+from drcmitsuba.report.document.facade import EvaluatedFacade
 from drcmitsuba.report.document.labels import labels
 from drcmitsuba.report.document.table import (
     NONE,
     Cell,
     Number,
-    Table,
+    PageTable,
     in_columns,
     interval,
     plain,
@@ -27,7 +27,7 @@ MOST_NAMES = 12
 MONTHLY = ("msDA", "MSE", "shade_closed_monthly")
 
 
-def asked(facades: list[Facade], names: list[str]) -> Table:
+def asked(facades: list[EvaluatedFacade], names: list[str]) -> PageTable:
     """Table of what was asked: place, period, façade, points, thresholds."""
     t = labels()
     of = {
@@ -51,14 +51,14 @@ def asked(facades: list[Facade], names: list[str]) -> Table:
     return in_columns(t["asked"], t["what"], names, rows)
 
 
-def _place(facade: Facade) -> str:
+def _place(facade: EvaluatedFacade) -> str:
     at = [facade.illuminance.attrs.get(name) for name in ("latitude", "longitude")]
     if None in at:
         return NONE
     return "{:.2f}°, {:.2f}°".format(*(float(v) for v in at if v is not None))
 
 
-def _building(facade: Facade) -> str:
+def _building(facade: EvaluatedFacade) -> str:
     case = facade.case
     if case.room is not None:
         return " × ".join(f"{length:g}" for length in case.room.size) + " m"
@@ -67,14 +67,14 @@ def _building(facade: Facade) -> str:
     return NONE
 
 
-def _materials(facade: Facade) -> str:
+def _materials(facade: EvaluatedFacade) -> str:
     of_case = facade.case.materials.items()
     every = [f"{text(name)} ({text(getattr(m, 'type', ''))})" for name, m in of_case]
     more = [f"+ {len(every) - MOST_NAMES}"] if len(every) > MOST_NAMES else []
     return ", ".join(every[:MOST_NAMES] + more) or NONE
 
 
-def _shading(facade: Facade) -> str:
+def _shading(facade: EvaluatedFacade) -> str:
     t, E = labels(), facade.illuminance.attrs
     if not E.get("has_shade", 0):
         return t["no_shade"]
@@ -84,7 +84,7 @@ def _shading(facade: Facade) -> str:
     return t["shade_rule"].format(threshold=f"{threshold:g}", area=f"{100 * area:g}")
 
 
-def _points(facade: Facade) -> str:
+def _points(facade: EvaluatedFacade) -> str:
     t, E = labels(), facade.illuminance
     grids = len(sensors_by_grid(E))
     low, high = (float(f(E["z"].values)) for f in (min, max))
@@ -93,7 +93,7 @@ def _points(facade: Facade) -> str:
     return words + (t["points_grids"].format(count=grids) if grids else "")
 
 
-def metrics(facades: list[Facade], names: list[str]) -> Table:
+def metrics(facades: list[EvaluatedFacade], names: list[str]) -> PageTable:
     """Table of the metrics of the period."""
     t = labels()
     of = ["sDA", "ASE"] + ["shade_closed"] * any(has_shade(f) for f in facades)
@@ -105,7 +105,7 @@ def metrics(facades: list[Facade], names: list[str]) -> Table:
     return in_columns(t["metrics"], t["metric"], names, rows, t["metrics_note"])
 
 
-def differences(facades: list[Facade], names: list[str]) -> Table | None:
+def differences(facades: list[EvaluatedFacade], names: list[str]) -> PageTable | None:
     """Table of the differences of the metrics from the first façade; None for a single one."""
     if len(facades) == 1:
         return None
@@ -124,22 +124,22 @@ def _difference(one: Mapping[str, float], other: Mapping[str, float]) -> Cell:
     return value, " (", low, " … ", high, f") {labels()['percentage_points']}"
 
 
-def has_shade(facade: Facade) -> bool:
+def has_shade(facade: EvaluatedFacade) -> bool:
     """Whether a shade may close."""
     return bool(facade.illuminance.attrs.get("has_shade", 0))
 
 
-def months(facade: Facade, name: str) -> Table:
+def months(facade: EvaluatedFacade, name: str) -> PageTable:
     """Table of the metrics of one façade by month."""
     t, shown = labels(), MONTHLY if has_shade(facade) else MONTHLY[:2]
     rows = tuple(
         (plain(month_names((month,))), *(interval(facade.numbers[n][month - 1]) for n in shown))
         for month in range(1, 13)
     )
-    return Table(name, (t["month"], *(t[n] for n in shown)), rows)
+    return PageTable(name, (t["month"], *(t[n] for n in shown)), rows)
 
 
-def spaces(facade: Facade, name: str) -> Table | None:
+def spaces(facade: EvaluatedFacade, name: str) -> PageTable | None:
     """Table of the grids of one façade; None where there are no grids."""
     t, grids = labels(), facade.numbers.get("grids", {})
     if not grids:
@@ -151,10 +151,10 @@ def spaces(facade: Facade, name: str) -> Table | None:
         rows.append((plain(grid), plain(sizes.get(grid, NONE)), *shares))
     left = len(grids) - MOST_GRIDS
     note = t["more_spaces"].format(count=left) if left > 0 else ""
-    return Table(name, (t["space"], t["point_count"], t["sDA"], t["ASE"]), tuple(rows), note)
+    return PageTable(name, (t["space"], t["point_count"], t["sDA"], t["ASE"]), tuple(rows), note)
 
 
-def groups(facade: Facade, name: str) -> Table | None:
+def groups(facade: EvaluatedFacade, name: str) -> PageTable | None:
     """Table of the hours that groups of panes are in each state; None without such groups."""
     t, told = labels(), facade.numbers.get("groups")
     if not isinstance(told, dict) or not told:
@@ -164,4 +164,4 @@ def groups(facade: Facade, name: str) -> Table | None:
         states = shares.items() if isinstance(shares, dict) else ()
         known = (f"{text(s)} {v:.1f} %" for s, v in states if isinstance(v, int | float))
         rows.append((plain(group), plain(", ".join(known))))
-    return Table(name, (t["group"], t["states"]), tuple(rows))
+    return PageTable(name, (t["group"], t["states"]), tuple(rows))

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from drcmitsuba import standards
-from drcmitsuba.report.document.facade import Facade
+from drcmitsuba.report.document.facade import EvaluatedFacade
 from drcmitsuba.report.document.labels import labels
-from drcmitsuba.report.document.table import Cell, Number, Table, interval, plain, text
+from drcmitsuba.report.document.table import Cell, Number, PageTable, interval, plain, text
 from drcmitsuba.standards import Refusal, Verdict
 from drcmitsuba.standards.standard import Standard
 from drcmitsuba.standards.verdict import Margin, Outcome, likelihood
@@ -22,11 +22,11 @@ class Judgement:
     facade: str
     title: str
     stated: str
-    tables: tuple[Table, ...]
+    tables: tuple[PageTable, ...]
     remarks: tuple[str, ...]
 
 
-def overview(facades: list[Facade], names: list[str]) -> Table:
+def overview(facades: list[EvaluatedFacade], names: list[str]) -> PageTable:
     """Table with a row for each standard and a column for each façade."""
     t = labels()
     rows = []
@@ -37,7 +37,7 @@ def overview(facades: list[Facade], names: list[str]) -> Table:
     judged = [each for verdicts in by_standard for each in verdicts]
     own = any(isinstance(each, Verdict) and each.taken for each in judged)
     note = t["verdicts_note"] + (f" {t['verdicts_hours']}" if own else "")
-    return Table(t["verdicts"], (t["standard"], *names), tuple(rows), note)
+    return PageTable(t["verdicts"], (t["standard"], *names), tuple(rows), note)
 
 
 def _is_decided(verdict: Verdict | Refusal) -> bool:
@@ -68,7 +68,7 @@ def _stated(verdict: Verdict | Refusal) -> str:
     return "".join(map(str, _short(verdict)))
 
 
-def judgements(facade: Facade, name: str) -> list[Judgement]:
+def judgements(facade: EvaluatedFacade, name: str) -> list[Judgement]:
     """Verdicts of a façade in full: quantities, levels, margins, what decides, sources."""
     return [
         _refused(verdict, name) if isinstance(verdict, Refusal) else _judged(verdict, name)
@@ -87,12 +87,12 @@ def _judged(verdict: Verdict, name: str) -> Judgement:
         (plain(quantity.at_threshold(q)), _quantity(verdict, q), plain(quantity.meaning))
         for q, quantity in standard.quantities.items()
     )
-    tables = [Table(t["quantities"], (t["quantity"], t["value"], t["meaning"]), rows)]
+    tables = [PageTable(t["quantities"], (t["quantity"], t["value"], t["meaning"]), rows)]
     outcomes = (*verdict.levels, *verdict.extras)
     if outcomes:
         head = (t["level"], t["is_reached"], t["probability"], t["nearest_limit"])
         tables.append(
-            Table(t["levels"], head, tuple(_row(outcome, standard) for outcome in outcomes))
+            PageTable(t["levels"], head, tuple(_row(outcome, standard) for outcome in outcomes))
         )
     remarks = []
     if verdict.deciding is not None:

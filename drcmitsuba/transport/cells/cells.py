@@ -44,7 +44,7 @@ def furniture(scene: Scene) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Grid:
+class CellGrid:
     """Regular grid over a scene; `key` numbers its cubes and six facings."""
 
     low: tuple[float, float, float]
@@ -59,7 +59,7 @@ class Grid:
     """Cubes along the axes that furniture cuts; None where they are regular."""
 
     @classmethod
-    def of(cls, scene: Scene, size: float) -> Grid:
+    def of(cls, scene: Scene, size: float) -> CellGrid:
         """Grid over the bounds of a scene.
 
         Raises
@@ -78,7 +78,7 @@ class Grid:
         return cls._checked(scene, low, scene.high - low, size)._cut(scene)
 
     @classmethod
-    def _around(cls, scene: Scene, size: float) -> Grid:
+    def _around(cls, scene: Scene, size: float) -> CellGrid:
         """Grid over a model: cubes of terrain and towers are as large as an eighth of their way."""
         assert scene.near is not None
         # As for a box: the model's corner, the origin, decides where cubes begin.
@@ -94,7 +94,7 @@ class Grid:
         x, y, z = (float(v) for v in start)
         return replace(grid, low=(x, y, z), count=count)._cut(scene)
 
-    def _cut(self, scene: Scene) -> Grid:
+    def _cut(self, scene: Scene) -> CellGrid:
         """Grid whose cubes end where surfaces stand in the rooms."""
         quads = furniture(scene)
         if not len(quads):
@@ -113,7 +113,7 @@ class Grid:
         return self if 6 * nx * ny * nz > MAX_KEYS else replace(finer, count=(nx, ny, nz))
 
     @classmethod
-    def _checked(cls, scene: Scene, low: np.ndarray, extent: np.ndarray, size: float) -> Grid:
+    def _checked(cls, scene: Scene, low: np.ndarray, extent: np.ndarray, size: float) -> CellGrid:
         """Grid of cubes from a corner, over an extent [m]; refuses too many."""
         count = np.ceil(extent / size + 0.01).astype(int) + 1
         if 6 * int(np.prod(count.astype(float))) > MAX_KEYS:
@@ -189,14 +189,14 @@ def _cube(q: mi.Float, tables: tuple[mi.UInt32, mi.Float] | None) -> mi.UInt32:
 class Cells:
     """The cells known so far."""
 
-    grid: Grid
+    grid: CellGrid
     index: mi.UInt32
     """Cell of every key of the grid; `_UNKNOWN` for none."""
     count: int
     """Number of cells."""
 
     @classmethod
-    def none(cls, grid: Grid) -> Cells:
+    def none(cls, grid: CellGrid) -> Cells:
         """Begin without cells."""
         return cls(grid, dr.full(mi.UInt32, _UNKNOWN, len(grid)), 0)
 

@@ -16,7 +16,7 @@ _SCRAMBLE = 0x9E3779B1
 
 
 @dataclass(frozen=True)
-class Draws:
+class CellPoints:
     """Vertices that stand for the cells, one for each cell in every replicate.
 
     Entries are those of one replicate after those of another.
@@ -34,11 +34,11 @@ class Draws:
     """Whether the points lie in the rooms of a model; None where nothing tells."""
 
     @classmethod
-    def none(cls, replicates: int) -> Draws:
+    def none(cls, replicates: int) -> CellPoints:
         """Begin without cells."""
         return cls(replicates, 0, mi.UInt32(), mi.Float(), mi.Float())
 
-    def of(self, replicates: range) -> Draws:
+    def of(self, replicates: range) -> CellPoints:
         """Draws of some replicates."""
         if len(replicates) == self.replicates or not self.cells:
             return replace(self, replicates=len(replicates))
@@ -46,7 +46,7 @@ class Draws:
         entry = dr.arange(mi.UInt32, len(replicates) * self.cells) + first
         return self._at(len(replicates), self.cells, entry, mi.Bool(True))
 
-    def of_cells(self, some: slice) -> tuple[Draws, tuple[mi.UInt32, mi.UInt32]]:
+    def of_cells(self, some: slice) -> tuple[CellPoints, tuple[mi.UInt32, mi.UInt32]]:
         """Draws of some cells, and the replicate and the cell of each point."""
         count = some.stop - some.start
         entry = dr.arange(mi.UInt32, self.replicates * count)
@@ -58,14 +58,14 @@ class Draws:
         entry = replicate * dr.opaque(mi.UInt32, self.cells) + cell
         return self._at(self.replicates, count, entry, mi.Bool(True)), (replicate, cell)
 
-    def apart(self) -> list[Draws]:
+    def apart(self) -> list[CellPoints]:
         """Draws of every replicate by itself."""
         return [self.of(range(r, r + 1)) for r in range(self.replicates)]
 
     def extended(
         self, vertices: Vertices, cell: mi.UInt32, count: int, *, weighted: bool = False,
         own: mi.UInt32 | None = None,
-    ) -> Draws:  # fmt: skip
+    ) -> CellPoints:  # fmt: skip
         """Draw one vertex at random from each of `count` cells, among these and earlier vertices.
 
         `cell` holds the cell of every vertex. A `weighted` draw takes vertices in proportion to
@@ -92,7 +92,7 @@ class Draws:
             _lend(every, number, stride)
         return every
 
-    def _with_room(self, count: int, *, told: bool) -> Draws:
+    def _with_room(self, count: int, *, told: bool) -> CellPoints:
         """Copy with room for `count` cells."""
         if self.cells:
             replicate, cell = row_and_column(dr.arange(mi.UInt32, self.replicates * count), count)
@@ -102,17 +102,17 @@ class Draws:
             rank = dr.zeros(mi.UInt32, self.replicates * count)
             p, n = (dr.zeros(mi.Float, 3 * self.replicates * count) for _ in range(2))
             within = dr.zeros(mi.Bool, self.replicates * count) if told else None
-            out = Draws(self.replicates, count, rank, p, n, within)
+            out = CellPoints(self.replicates, count, rank, p, n, within)
         dr.make_opaque(out)  # Dr.Jit 1.5 ignores a pending scatter when it reduces
         return out
 
-    def _at(self, replicates: int, cells: int, entry: mi.UInt32, there: mi.Bool) -> Draws:
+    def _at(self, replicates: int, cells: int, entry: mi.UInt32, there: mi.Bool) -> CellPoints:
         """Copy of some entries."""
         rank = dr.gather(mi.UInt32, self.rank, entry, there)
         p, n = (dr.gather(mi.Point3f, values, entry, there) for values in (self.p, self.n))
         within = None if self.within is None else dr.gather(mi.Bool, self.within, entry, there)
         dr.eval(rank, p, n, within)
-        return Draws(replicates, cells, rank, dr.ravel(p), dr.ravel(n), within)
+        return CellPoints(replicates, cells, rank, dr.ravel(p), dr.ravel(n), within)
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ class _Kernels:
 
     vertices: Vertices
     cell: mi.UInt32
-    every: Draws
+    every: CellPoints
     tag: mi.UInt32
     """Largest tag among the vertices of the largest rank: it breaks ties."""
     begin: mi.UInt32
@@ -200,7 +200,7 @@ def _largest(out: mi.UInt32, values: mi.UInt32, entry: mi.UInt32, active: mi.Boo
 
 
 @symbolic
-def _lend(every: Draws, number: mi.UInt32, stride: mi.UInt32) -> None:
+def _lend(every: CellPoints, number: mi.UInt32, stride: mi.UInt32) -> None:
     """Take the points of other draws where a draw has none.
 
     Their rank remains 0: any vertex of its own takes a lent point's place.

@@ -107,8 +107,8 @@ def _deposit(world: scene.Scene, suns: Suns, subdivision: int, accuracy: Accurac
 
 
 def _from_outside(
-    case: Case, part: scene.Part, materials: set[SurfaceMaterial | None], count: int
-) -> scene.Part:
+    case: Case, part: scene.ScenePart, materials: set[SurfaceMaterial | None], count: int
+) -> scene.ScenePart:
     """Pane that reflects nothing into the room: the paths count what it reflects.
 
     An opening has `count` quads: a part with more of them holds other panes of the same material.

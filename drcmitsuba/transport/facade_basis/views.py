@@ -19,7 +19,7 @@ from drcmitsuba.runtime.flat_arrays import flat_indices
 from drcmitsuba.runtime.random_streams import Draw, Key, Stream
 from drcmitsuba.scene.materials import bsdf
 from drcmitsuba.scene.meshes import quad_mesh
-from drcmitsuba.scene.scene import Part, Scene
+from drcmitsuba.scene.scene import Scene, ScenePart
 from drcmitsuba.scene.surfaces import Enclosure
 from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.facade_basis.facade import Palette, Tiles
@@ -84,7 +84,7 @@ class TiledRoom:
         kind, size = self.palette.kinds[material], 2 * base.accuracy.cell_size
         assert isinstance(kind, BsdfMaterial | DiffuserMaterial)
         quads = self.tiles.quads[self.palette.allowed[self.tiles.tile, material]]
-        panes = Part("panes", kind, quads, bsdf=mi.load_dict(bsdf(kind)))
+        panes = ScenePart("panes", kind, quads, bsdf=mi.load_dict(bsdf(kind)))
         scene = self.with_openings(self.palette.allowed[:, material])
         scene = replace(scene, enclosure=self.enclosure, parts=(panes,))
         films = Films.of(scene, size, base.suns, base.diameter)

@@ -51,7 +51,7 @@ FEW_ROWS = 48
 """Number of outgoing cells per direction to an exposed film up to which its light is a product."""
 
 
-class Lit(NamedTuple):
+class LitFilms(NamedTuple):
     """Deposit on films and the radiance that they send on, in one replicate."""
 
     faces: mi.TensorXf
@@ -123,7 +123,7 @@ class Films:
         return tuple(even and even.to_suns(even.f).array for even in self.even_answers)
 
     def answer_to_suns(self, seed: int) -> mi.Float:
-        """Tabulate f [1/sr] from the suns that may shine on a film, see `Lit.to_suns`."""
+        """Tabulate f [1/sr] from the suns that may shine on a film, see `LitFilms.to_suns`."""
         tables = [
             sampled_answer(self.mounts[i], self.directions, self.diameter, seed + i)
             if even is None
@@ -159,7 +159,7 @@ class Films:
         return np.append(end - rows, end[-1])
 
     def answer_to_sky(self, subdivision: int | None, samples: int, seed: int) -> mi.TensorXf:
-        """Estimate `Lit.to_sky`, shape (row, bin), by `samples` directions for every cell."""
+        """Estimate `LitFilms.to_sky`, shape (row, bin), by `samples` directions for every cell."""
         first = self.first_sky_rows()
         if not subdivision:
             return dr.zeros(mi.TensorXf, (int(first[-1]), 0))
@@ -227,12 +227,12 @@ class Films:
         of_mount = looked.of(self.patches.owner == even.mount)
         return of_mount.by_row(even.rows, self.mounts[even.mount].rows)
 
-    def radiance_of_sky(self, even: EvenRows, lit: Lit) -> mi.TensorXf:
+    def radiance_of_sky(self, even: EvenRows, lit: LitFilms) -> mi.TensorXf:
         """Radiance of the cells of an exposed film by sky and ground, shape (cell, bin)."""
         first, bins = self.first_sky_rows()[self._first_patch(even)], lit.to_sky.shape[1]
         return _of_rows(lit.to_sky.array, even.rows, int(first), bins)
 
-    def sunlight(self, even: EvenRows, every: Sequence[Lit]) -> SunCells | SunRadiance:
+    def sunlight(self, even: EvenRows, every: Sequence[LitFilms]) -> SunCells | SunRadiance:
         """Light of the suns, of which there are some, on an exposed film in some replicates."""
         shone = [self._shone_on(even, lit) for lit in every]
         answer = self.even_answers[even.mount]
@@ -247,7 +247,7 @@ class Films:
     def _first_patch(self, even: EvenRows) -> int:
         return int(np.argmax(self.patches.owner == even.mount))
 
-    def _shone_on(self, even: EvenRows, lit: Lit) -> mi.TensorXf:
+    def _shone_on(self, even: EvenRows, lit: LitFilms) -> mi.TensorXf:
         """D [sr] of an exposed film, all of which is lit alike, shape (lit sun,)."""
         first, some = self._first_patch(even), len(self.suns)
         count = int((self.patches.owner == even.mount).sum())
@@ -270,7 +270,7 @@ class Films:
         )
 
     def sent(
-        self, looked: Looked, lit: Lit, without: tuple[EvenRows, ...] = ()
+        self, looked: Looked, lit: LitFilms, without: tuple[EvenRows, ...] = ()
     ) -> tuple[mi.TensorXf, mi.TensorXf]:
         """Irradiance D [sr] of receivers by way of the films: (receiver, bin), (receiver, sun).
 
@@ -293,7 +293,7 @@ class Films:
         dr.eval(by_sky, by_sun)
         return by_sky, self.of_all_suns(by_sun, n_suns)
 
-    def _shone(self, lit: Lit) -> mi.Float:
+    def _shone(self, lit: LitFilms) -> mi.Float:
         """D [sr] of both faces of every patch, flat (patch, lit sun)."""
         columns, faces = dr.opaque(mi.UInt32, lit.faces.shape[1]), lit.faces.array
         at = dr.arange(mi.UInt32, len(self.patches) * len(self.suns))
@@ -301,7 +301,7 @@ class Films:
         front = 2 * patch * columns + dr.gather(mi.UInt32, flat_indices(self.suns), shining)
         return dr.gather(mi.Float, faces, front) + dr.gather(mi.Float, faces, front + columns)
 
-    def _summed(self, looked: Looked, lit: Lit) -> tuple[mi.TensorXf, mi.TensorXf]:
+    def _summed(self, looked: Looked, lit: LitFilms) -> tuple[mi.TensorXf, mi.TensorXf]:
         """Sum over the directions to any patches: (receiver, bin), (receiver, lit sun)."""
         count, some, bins = looked.receivers, len(self.suns), lit.to_sky.shape[1]
         first_sky = flat_indices(self.first_sky_rows())

@@ -19,8 +19,8 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.flat_arrays import add_at, row_and_column
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.cells.cells import Cells, Grid
-from drcmitsuba.transport.cells.points import Draws
+from drcmitsuba.transport.cells.cells import CellGrid, Cells
+from drcmitsuba.transport.cells.points import CellPoints
 from drcmitsuba.transport.cells.vertices import Vertices
 from drcmitsuba.transport.gather.paths import USUAL, Crossings, Marks, expected_bounces, gather
 from drcmitsuba.transport.rays.openings import in_rooms
@@ -64,7 +64,7 @@ class Gathered:
     """Sensors of each launch."""
     cells: Cells
     """Cells that the paths of all sensors meet."""
-    drawn: Draws
+    drawn: CellPoints
     """Points that stand for the cells in every replicate."""
     kept: dict[int, Met]
     """Vertices of some blocks, by their first sensor."""
@@ -83,7 +83,7 @@ class Gathered:
 
         With `once`, paths end at their first diffuse vertex.
         """
-        grid = Grid.of(scene, accuracy.cell_size)
+        grid = CellGrid.of(scene, accuracy.cell_size)
         seed = launch_seed(accuracy.seed, Stream.PATH_LENGTHS)
         bounces = 1.0
         if not once:
@@ -102,7 +102,7 @@ class Gathered:
         most = int(lanes * USUAL / bounces) // paths  # in white rooms paths are long
         n, step = len(points), max(1, min(block, most))
         blocks = tuple(slice(i, min(i + step, n)) for i in range(0, n, step))
-        cells, drawn, seen = Cells.none(grid), Draws.none(accuracy.replicates), mi.Float64()
+        cells, drawn, seen = Cells.none(grid), CellPoints.none(accuracy.replicates), mi.Float64()
         kept, room = dict[int, Met](), KEPT
         for here in blocks:
             vertices = trace(here)

@@ -25,7 +25,7 @@ from drcmitsuba.runtime.flat_arrays import flat, row_and_column
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.materials import ends_paths, max_reflectance
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.cells.cells import Grid
+from drcmitsuba.transport.cells.cells import CellGrid
 from drcmitsuba.transport.cells.vertices import VertexStore, Vertices
 from drcmitsuba.transport.rays.bsdf_lookup import absorption, absorption_after, share_left
 from drcmitsuba.transport.rays.even_rays import first_directions
@@ -94,7 +94,7 @@ class Crossings(Protocol):
 
 def gather(
     scene: Scene, points: np.ndarray | mi.Float, normals: np.ndarray | mi.Float, *,
-    replicates: int, paths: int, grid: Grid, seed: int, marks: Marks | None = None,
+    replicates: int, paths: int, grid: CellGrid, seed: int, marks: Marks | None = None,
     bounces: float = USUAL, first: int = 0, among: int | None = None,
     within: np.ndarray | mi.Bool | None = None, once: bool = False,
     numbers: mi.UInt32 | None = None, crossings: Crossings | None = None,
@@ -150,7 +150,7 @@ def gather(
 
 
 def expected_bounces(
-    scene: Scene, points: np.ndarray, normals: np.ndarray, paths: int, grid: Grid, seed: int
+    scene: Scene, points: np.ndarray, normals: np.ndarray, paths: int, grid: CellGrid, seed: int
 ) -> float:
     """Expected vertices per path, at least `USUAL`; counted where a surface is very white.
 
@@ -196,7 +196,7 @@ def ends_at_once(scene: Scene) -> bool:
 @symbolic
 def _trace(
     scene: Scene, points: mi.Float, normals: mi.Float, sensors: int,
-    lanes: int, paths: int, grid: Grid, seed: int, capacity: int, marks: Marks | None,
+    lanes: int, paths: int, grid: CellGrid, seed: int, capacity: int, marks: Marks | None,
     first: int, among: int, within: np.ndarray | mi.Bool | None, once: bool,
     numbers: mi.UInt32 | None, crossings: Crossings | None,
 ) -> tuple[Vertices, int]:  # fmt: skip

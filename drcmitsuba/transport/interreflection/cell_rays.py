@@ -24,7 +24,7 @@ from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cells.cells import Cells
-from drcmitsuba.transport.cells.points import Draws
+from drcmitsuba.transport.cells.points import CellPoints
 from drcmitsuba.transport.cells.vertices import Vertices
 from drcmitsuba.transport.gather.paths import Marks, gather
 
@@ -116,7 +116,7 @@ def sum_of_bounces(t: np.ndarray) -> np.ndarray:
 
 
 def trace(
-    scene: Scene, cells: Cells, drawn: Draws, here: slice, rays: int,
+    scene: Scene, cells: Cells, drawn: CellPoints, here: slice, rays: int,
     accuracy: Accuracy, turn: int, marks: Marks | None = None, once: bool = True,
 ) -> Iterator[CellRays]:  # fmt: skip
     """Trace rays from the points that stand for some cells, in every replicate.

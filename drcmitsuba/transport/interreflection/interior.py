@@ -19,7 +19,7 @@ from drcmitsuba.transport.gather.blocks import Gathered
 from drcmitsuba.transport.interreflection.solved_cells import Transfer, solved
 
 
-class Interior(NamedTuple):
+class RoomPaths(NamedTuple):
     """Paths among the surfaces of a scene; they know no light."""
 
     gathered: Gathered
@@ -29,7 +29,7 @@ class Interior(NamedTuple):
     @classmethod
     def of(
         cls, scene: Scene, points: np.ndarray, normals: np.ndarray, accuracy: Accuracy
-    ) -> Interior:
+    ) -> RoomPaths:
         """Trace the paths from points (sensor, 3) [m] with their unit normals, and T."""
         once = scene.effects.solved_cells
         gathered = Gathered.of(
@@ -46,16 +46,16 @@ class SharedInterior:
 
     _seen: tuple[Any, ...] = ()
     """Everything that it depends on."""
-    _latest: Interior | None = None
+    _latest: RoomPaths | None = None
 
     def of(
         self, scene: Scene, points: np.ndarray, normals: np.ndarray, accuracy: Accuracy
-    ) -> Interior:
-        """Interior of a scene, as `Interior.of`; paths that were not stored are traced anew."""
+    ) -> RoomPaths:
+        """Interior of a scene, as `RoomPaths.of`; paths that were not stored are traced anew."""
         seen = scene.from_within, points, normals, accuracy.sampling
         if self._latest is None or content_key(*self._seen) != content_key(*seen):
             self._seen, self._latest = (), None  # two of them would need twice the memory
-            interior = Interior.of(scene, points, normals, accuracy)
+            interior = RoomPaths.of(scene, points, normals, accuracy)
             if not interior.gathered.is_stored:
                 return interior
             self._seen, self._latest = seen, interior

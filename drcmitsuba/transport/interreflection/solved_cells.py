@@ -35,11 +35,11 @@ from drcmitsuba.scene.geometry import is_triangle
 from drcmitsuba.scene.materials import is_diffuse
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cells.cells import Cells, furniture
-from drcmitsuba.transport.cells.points import Draws
+from drcmitsuba.transport.cells.points import CellPoints
 from drcmitsuba.transport.gather.blocks import Gathered, with_weights
 from drcmitsuba.transport.gather.paths import Marks
 from drcmitsuba.transport.interreflection.cell_rays import Blocks, trace
-from drcmitsuba.transport.light.lit_cells import Reached
+from drcmitsuba.transport.light.lit_cells import LitCells
 from drcmitsuba.transport.light.products import (
     Columns,
     DenseMatrix,
@@ -178,7 +178,7 @@ class Transfer:
         return self._matrices[replicate]
 
     def indirect(
-        self, replicates: range, d: mi.TensorXf, reached: Reached | None = None
+        self, replicates: range, d: mi.TensorXf, reached: LitCells | None = None
     ) -> mi.TensorXf:
         """Compute Y, the light that cells get from cells, by the T of some replicates.
 
@@ -336,7 +336,7 @@ class _Explored(NamedTuple):
     """Result of the first round."""
 
     cells: Cells
-    points: Draws
+    points: CellPoints
     """Points that rays of the second round start from."""
     of_sensors: mi.Float64
     """G₁ of every cell, in sum over the sensors."""

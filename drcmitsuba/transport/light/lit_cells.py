@@ -21,10 +21,10 @@ class Tile(NamedTuple):
 
     bins: mi.UInt32
     lit: mi.UInt32
-    """Places of the cells with light among all `Reached.lit`."""
+    """Places of the cells with light among all `LitCells.lit`."""
 
 
-class Reached(NamedTuple):
+class LitCells(NamedTuple):
     """Where D has light."""
 
     lit: mi.UInt32
@@ -35,7 +35,7 @@ class Reached(NamedTuple):
     """Parts of the shining bins, where their cells are told apart."""
 
     @classmethod
-    def by(cls, d: mi.TensorXf, replicates: int = 1, tiles: Sequence[np.ndarray] = ()) -> Reached:
+    def by(cls, d: mi.TensorXf, replicates: int = 1, tiles: Sequence[np.ndarray] = ()) -> LitCells:
         """Find the lit cells and the shining bins of D (replicate · cell, bin).
 
         `tiles` hold the indices of neighbouring bins; without them, all bins are apart.
@@ -58,7 +58,7 @@ class Reached(NamedTuple):
     @classmethod
     def _of_tiles(
         cls, cell: mi.UInt32, bin: mi.UInt32, cells: int, tiles: Sequence[np.ndarray]
-    ) -> Reached:
+    ) -> LitCells:
         tile_of = np.empty(sum(map(len, tiles)), np.uint32)
         for i, bins in enumerate(tiles):
             tile_of[bins] = i

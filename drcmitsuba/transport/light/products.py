@@ -14,7 +14,7 @@ import mitsuba as mi
 from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.runtime.flat_arrays import row_and_column
-from drcmitsuba.transport.light.lit_cells import Reached, Tile
+from drcmitsuba.transport.light.lit_cells import LitCells, Tile
 
 SUMMED = 1 << 9
 """Number of cells whose light is summed in single precision."""
@@ -182,7 +182,7 @@ def by_replicate(a: mi.TensorXf, b: mi.TensorXf, replicates: int) -> mi.TensorXf
 
 
 def product(
-    matrix: Matrix, d: mi.TensorXf, reached: Reached | None = None,
+    matrix: Matrix, d: mi.TensorXf, reached: LitCells | None = None,
     further: Further | None = None,
 ) -> mi.TensorXf:  # fmt: skip
     """G·D, shape (replicate · row, bin), with D of shape (replicate · cell, bin).
@@ -195,7 +195,7 @@ def product(
     if 0 in d.shape:
         return dr.zeros(mi.TensorXf, (rows, d.shape[1]))
     cells, bins = d.shape[0] // count, d.shape[1]
-    lit, shining, tiles = Reached.by(d, count) if reached is None else reached
+    lit, shining, tiles = LitCells.by(d, count) if reached is None else reached
     n_lit, n_shining = dr.width(lit), dr.width(shining)
     out = dr.zeros(mi.Float, rows * bins)
     if not n_lit * n_shining:

@@ -102,7 +102,7 @@ class ImageSuns:
         numbers = dr.arange(mi.UInt32, count) if numbers is None else numbers
         share, stride = dr.opaque(mi.Float, np.pi / rays), dr.opaque(mi.UInt32, bins)
         for row, _, p, d in self.towards_mirrors(points, normals, rays, seed, numbers, within):
-            met = _OnSky(self, row * stride, subdivision, out)
+            met = _MirroredSky(self, row * stride, subdivision, out)
             dr.eval(self.followed(p, d, dr.full(mi.Bool, True, dr.width(row)), share, met), out)
         return mi.TensorXf(mi.Float(out), (count, bins))
 
@@ -282,7 +282,7 @@ class _InTurn:
 
 
 @dataclass(frozen=True)
-class _OnSky:
+class _MirroredSky:
     """Adds light of ground and sky patches, after one mirror and after several in turn."""
 
     images: ImageSuns
@@ -302,6 +302,6 @@ class _OnSky:
         entry = self.first + patch_index(ray.d, self.subdivision)
         dr.scatter_add(self.out, mi.Float64(light), entry, lit & (light > 0))
         if self.turns < MOST_IN_TURN:
-            rest = _OnSky(self.images, self.first, self.subdivision, self.out, self.turns + 1)
+            rest = _MirroredSky(self.images, self.first, self.subdivision, self.out, self.turns + 1)
             return self.images.followed(ray.o, ray.d, active, weight, rest)
         return mi.Float(0)

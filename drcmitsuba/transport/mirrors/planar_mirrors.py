@@ -32,7 +32,7 @@ from drcmitsuba.model.model import MOST_OF_BODY, areas, count_planes
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import Surface, is_triangle, normals, reversed_quads
-from drcmitsuba.scene.scene import Part, Scene
+from drcmitsuba.scene.scene import Scene, ScenePart
 from drcmitsuba.transport.rays.bsdf_lookup import number, numbers, table
 
 MOST_IN_TURN = 2
@@ -154,7 +154,7 @@ def _send_on(one: PlanarMirrors, other: PlanarMirrors) -> bool:
     return prod(rho) > FAINT_TURN and any(_face(a, b) for a, b in pairs)
 
 
-def _shines(part: Part) -> bool:
+def _shines(part: ScenePart) -> bool:
     return isinstance(part.material, GlazingMaterial) and part.material.reflectance > 0
 
 
@@ -210,7 +210,7 @@ class PlanarMirrors:
             area[lobe] = area.get(lobe, 0.0) + float(areas(part.quads).sum())
         for lobe in sorted(area, key=lambda lobe: -area[lobe])[:MOST_LOBES]:
 
-            def has_lobe(part: Part, lobe: MirrorMaterial = lobe) -> bool:
+            def has_lobe(part: ScenePart, lobe: MirrorMaterial = lobe) -> bool:
                 return is_rough_mirror(part) and lobe_of(part.material) == lobe
 
             mirrors = cls._among(scene, has_lobe)

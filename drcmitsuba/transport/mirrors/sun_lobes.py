@@ -149,14 +149,14 @@ class SunLobes:
             number = dr.gather(mi.UInt32, numbers, row)
             bits = random_bits(number, seed + 1, ray)
             uv = mi.Point2f(*(mi.Float(v >> 8) * TO_UNIT for v in bits))
-            met = _OnSky(self, d, uv, row * stride, subdivision, out)
+            met = _LobeOnSky(self, d, uv, row * stride, subdivision, out)
             active = dr.full(mi.Bool, True, dr.width(row))
             dr.eval(images.followed(p, d, active, share, met), out)
         return mi.TensorXf(mi.Float(out), (count, bins))
 
 
 @dataclass(frozen=True)
-class _Rays:
+class _LobeRays:
     """Rays from points along a lobe."""
 
     p: mi.Point3f
@@ -202,7 +202,7 @@ class _Drawn:
         dr.scatter_add(out, mi.Float64(D), entry, D > 0)
         dr.eval(out)
 
-    def _rays(self, axis: int, pairs: mi.UInt32, lane: mi.UInt32, seed: int) -> _Rays:
+    def _rays(self, axis: int, pairs: mi.UInt32, lane: mi.UInt32, seed: int) -> _LobeRays:
         """Ray of each lane pair · n + direction."""
         mirrors = self.lobes.images.mirrors
         normal = mirrors.axes[axis]
@@ -230,11 +230,11 @@ class _Drawn:
         passed &= Openings(mirrors.seen[axis]).passed(row, p, d)
         if self.openings is not None:
             passed &= self.openings.passed(row, p, d)
-        return _Rays(p, d, s, value[0] * cosine * dr.abs(si.wi.z / bs.wo.z), passed)
+        return _LobeRays(p, d, s, value[0] * cosine * dr.abs(si.wi.z / bs.wo.z), passed)
 
 
 @dataclass(frozen=True)
-class _OnSky:
+class _LobeOnSky:
     """Adds light of ground and sky patches, which the lobe sends along −d."""
 
     lobes: SunLobes

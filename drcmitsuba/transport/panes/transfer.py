@@ -27,7 +27,7 @@ from drcmitsuba.transport.rays.openings import Openings, Within
 from drcmitsuba.transport.rays.shadow_rays import visibility
 
 
-class Look(NamedTuple):
+class PaneLook(NamedTuple):
     """Directions from receivers to panes, one lane each.
 
     `weight` is cos θ / (π · p), with p the sum of the densities of both ways to draw the direction
@@ -44,7 +44,7 @@ class Look(NamedTuple):
 def looks(
     scene: Scene, patches: PanePatches, points: mi.Float, normals: mi.Float, *,
     rays: int, seed: int, numbers: mi.UInt32 | None = None, within: Within = None,
-) -> tuple[Look, Look]:  # fmt: skip
+) -> tuple[PaneLook, PaneLook]:  # fmt: skip
     """Directions from receivers to the patches, drawn in two ways.
 
     Points on the panes and cosine-distributed directions are combined by the balance heuristic:
@@ -77,7 +77,7 @@ def looks(
     n = dr.gather(mi.Normal3f, normals, row)
     openings = Openings.of(scene, points, within)  # rays to its panes stay in a box
 
-    def look(patch: mi.UInt32, d: mi.Vector3f, distance: mi.Float, seen: mi.Bool) -> Look:
+    def look(patch: mi.UInt32, d: mi.Vector3f, distance: mi.Float, seen: mi.Bool) -> PaneLook:
         """Weigh directions drawn in either way."""
         pane_normal = dr.gather(mi.Normal3f, normal, patch, seen)
         cos_pane, cosine = dr.dot(pane_normal, -d), dr.dot(n, d)
@@ -89,7 +89,7 @@ def looks(
         by_area = dr.square(distance) / (dr.abs(cos_pane) * total_area)
         by_cosine = cosine * dr.inv_pi
         weight = dr.select(tau > 0, by_cosine * tau / (many * (by_area + by_cosine)), 0)
-        return Look(row, dr.select(seen, patch, 0), d, cos_pane > 0, weight)
+        return PaneLook(row, dr.select(seen, patch, 0), d, cos_pane > 0, weight)
 
     # Points on the panes.
     stratum = (mi.Float(index) + a) / many

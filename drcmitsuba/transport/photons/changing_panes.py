@@ -14,7 +14,7 @@ import numpy as np
 
 from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial
 from drcmitsuba.scene.meshes import quad_mesh
-from drcmitsuba.scene.scene import Part, Scene
+from drcmitsuba.scene.scene import Scene, ScenePart
 
 _PANES = GlazingMaterial | DiffuserMaterial | BsdfMaterial
 
@@ -36,7 +36,7 @@ class ChangingPanes:
     def _known(self) -> Counter[bytes]:
         return Counter(quad.tobytes() for quad in self.quads)
 
-    def have(self, part: Part) -> bool:
+    def have(self, part: ScenePart) -> bool:
         """Whether all quads of a part are such panes."""
         return all(quad.tobytes() in self._known for quad in part.quads)
 
@@ -69,5 +69,5 @@ class ChangingPanes:
         return self._scene.ray_test(mi.Ray3f(p, d), coherent=False)
 
 
-def _is_pane(part: Part) -> bool:
+def _is_pane(part: ScenePart) -> bool:
     return not part.component and isinstance(part.material, _PANES)

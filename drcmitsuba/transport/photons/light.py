@@ -56,7 +56,7 @@ class FluxLedger:
         return cls(*flux.tolist(), *counts.round().astype(int).tolist())
 
 
-class Lit(NamedTuple):
+class LitEntries(NamedTuple):
     """Entries of a matrix (row, bin) that are above 0: few, where bins have few photons."""
 
     at: mi.UInt32
@@ -66,7 +66,7 @@ class Lit(NamedTuple):
     shape: tuple[int, int]
 
     @classmethod
-    def of(cls, sums: mi.Float64, areas: mi.Float, bins: int, half: int) -> Lit:
+    def of(cls, sums: mi.Float64, areas: mi.Float, bins: int, half: int) -> LitEntries:
         """Divide the flux in a half of sums by the areas of its rows."""
         rows = dr.width(areas)
         begin, at = dr.opaque(mi.UInt32, half * rows * bins), mi.UInt32()
@@ -85,23 +85,23 @@ class Lit(NamedTuple):
         """Size of the entries and of their indices [bytes]."""
         return 8 * dr.width(self.at)
 
-    def of_bins(self, place: np.ndarray, count: int) -> Lit:
+    def of_bins(self, place: np.ndarray, count: int) -> LitEntries:
         """Entries of a matrix of `count` bins, with the new place of each bin, −1 for none."""
         rows, bins = self.shape
         if not dr.width(self.at):
-            return Lit(self.at, self.value, (rows, count))
+            return LitEntries(self.at, self.value, (rows, count))
         row, bin = row_and_column(self.at, bins)
         to = dr.gather(mi.Int32, mi.Int32(place.astype(np.int32)), bin)
         some = dr.compress(to >= 0)
         if not dr.width(some):
-            return Lit(mi.UInt32(), mi.Float(), (rows, count))
+            return LitEntries(mi.UInt32(), mi.Float(), (rows, count))
         at = dr.gather(mi.UInt32, row * dr.opaque(mi.UInt32, count) + mi.UInt32(to), some)
         value = dr.gather(mi.Float, self.value, some)
         dr.eval(at, value)
-        return Lit(at, value, (rows, count))
+        return LitEntries(at, value, (rows, count))
 
 
-def dense(parts: Sequence[Lit], here: slice | None = None) -> mi.TensorXf:
+def dense(parts: Sequence[LitEntries], here: slice | None = None) -> mi.TensorXf:
     """Sum of matrices, or some rows `here` of it."""
     rows, bins = parts[0].shape
     here = slice(0, rows) if here is None else here
@@ -115,31 +115,35 @@ def dense(parts: Sequence[Lit], here: slice | None = None) -> mi.TensorXf:
     return mi.TensorXf(out, (here.stop - here.start, bins))
 
 
-class Light(NamedTuple):
+class PhotonLight(NamedTuple):
     """D of photons of one kind of bins [sr], as sums of matrices."""
 
-    cells: tuple[Lit, ...]
+    cells: tuple[LitEntries, ...]
     """D of the rows of `CellAreas`."""
-    sensors: tuple[Lit, ...]
-    mirrored: tuple[Lit, ...]
+    sensors: tuple[LitEntries, ...]
+    mirrored: tuple[LitEntries, ...]
     """D of the sensors, and the purely mirrored (or refracted) part of it."""
-    inner: tuple[Lit, ...]
+    inner: tuple[LitEntries, ...]
     """D of the middle quarter of the sensors' squares."""
 
     @classmethod
-    def of(cls, sums: FluxSums, areas: mi.Float, edges: np.ndarray, bins: int, half: int) -> Light:
+    def of(
+        cls, sums: FluxSums, areas: mi.Float, edges: np.ndarray, bins: int, half: int
+    ) -> PhotonLight:
         """Divide the flux in a half of sums by areas [m²], and by those of squares."""
         square, middle = flat(edges**2), flat(edges**2 / 4)
         sizes = (areas, square, square, middle)
-        return cls(*((Lit.of(s, a, bins, half),) for s, a in zip(sums[:4], sizes, strict=True)))
+        return cls(
+            *((LitEntries.of(s, a, bins, half),) for s, a in zip(sums[:4], sizes, strict=True))
+        )
 
-    def plus(self, other: Light) -> Light:
+    def plus(self, other: PhotonLight) -> PhotonLight:
         """Sum of two lights."""
-        return Light(*(a + b for a, b in zip(self, other, strict=True)))
+        return PhotonLight(*(a + b for a, b in zip(self, other, strict=True)))
 
-    def of_bins(self, place: np.ndarray, count: int) -> Light:
+    def of_bins(self, place: np.ndarray, count: int) -> PhotonLight:
         """Light of `count` bins, with the new place of each bin, −1 for none."""
-        return Light(*(tuple(one.of_bins(place, count) for one in part) for part in self))
+        return PhotonLight(*(tuple(one.of_bins(place, count) for one in part) for part in self))
 
 
 @dataclass(frozen=True)
@@ -149,7 +153,7 @@ class CommonLight:
     Other states of the façade have the same light until then.
     """
 
-    light: Light
+    light: PhotonLight
     """D of these photons [sr]."""
     met: Mapping[str, np.ndarray]
     """Photons that met a pane, by the name of their ports: bin · count + index, uint32, shape
@@ -183,7 +187,7 @@ class Landed:
     """Light of all photons of a replicate."""
 
     areas: CellAreas
-    lights: tuple[Light, Light]
+    lights: tuple[PhotonLight, PhotonLight]
     """D by ground and sky patches, and by suns [sr]."""
     ledgers: dict[str, FluxLedger]
     """Flux by "NAME sky" and "NAME sun" for each component; the panes have an empty name."""
@@ -222,7 +226,7 @@ class Landed:
         if count and len(self.areas):
             dr.scatter(place, dr.arange(mi.UInt32, count), row, known)
 
-        def of(parts: Sequence[Lit]) -> mi.TensorXf:
+        def of(parts: Sequence[LitEntries]) -> mi.TensorXf:
             bins = parts[0].shape[1]
             out = dr.zeros(mi.Float, count * bins)
             for at, value, _ in parts:

@@ -20,7 +20,7 @@ from drcmitsuba.model.materials import (
     MirrorMaterial,
 )
 from drcmitsuba.scene.geometry import Port, normals, reversed_quads
-from drcmitsuba.scene.scene import Part, Scene
+from drcmitsuba.scene.scene import Scene, ScenePart
 from drcmitsuba.transport.mirrors.planar_mirrors import turns_beyond_mirrors
 
 LEVEL = 1e-6
@@ -31,7 +31,7 @@ _NO_CORNERS = np.zeros((0, 3))
 class Side(NamedTuple):
     """Side of a pane on which light may be deviated."""
 
-    part: Part
+    part: ScenePart
     quad: np.ndarray
     """Corners [m], shape (4, 3); the front is along the light."""
     from_room: bool
@@ -82,11 +82,11 @@ def pane_ports(scene: Scene, *, imaged: bool = False) -> list[Port]:
     return [Port("", side.quad) for side, some in zip(sides, counts, strict=True) if some]
 
 
-def _mirrors(part: Part) -> bool:
+def _mirrors(part: ScenePart) -> bool:
     return isinstance(part.material, GlazingMaterial) and part.material.reflectance > 0
 
 
-def _deviates(part: Part) -> bool:
+def _deviates(part: ScenePart) -> bool:
     """Whether a surface deviates light that a pane has scattered, so that photons count it."""
     diffuses = isinstance(part.material, DiffuserMaterial) and bool(part.component)
     kinds = MirrorMaterial | DielectricMaterial | BsdfMaterial

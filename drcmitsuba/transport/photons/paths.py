@@ -20,7 +20,7 @@ from drcmitsuba.model.materials import (
 )
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene.materials import is_diffuse
-from drcmitsuba.scene.scene import Part
+from drcmitsuba.scene.scene import ScenePart
 from drcmitsuba.transport.mirrors.planar_mirrors import MOST_IN_TURN, PlanarMirrors
 from drcmitsuba.transport.photons.changing_panes import ChangingPanes
 from drcmitsuba.transport.photons.fluxes import FluxSums
@@ -93,7 +93,7 @@ def _is_smooth(material: SurfaceMaterial) -> bool:
     return isinstance(material, Lambertian | GlazingMaterial)
 
 
-def _bits(part: Part) -> int:
+def _bits(part: ScenePart) -> int:
     """Traits of a part without `OWN`."""
     if part.component or not isinstance(part.material, BsdfMaterial | DiffuserMaterial):
         return RECEIVES if is_diffuse(part.material) else 0

@@ -16,7 +16,7 @@ import numpy as np
 
 from drcmitsuba.runtime.flat_arrays import add_at
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.cells.cells import Grid
+from drcmitsuba.transport.cells.cells import CellGrid
 from drcmitsuba.transport.gather.paths import gather
 
 PATHS = 1 << 20
@@ -30,18 +30,18 @@ _TABLE = 1 << 24
 
 
 @dataclass(frozen=True)
-class Reached:
+class ReachedSurfaces:
     """Marks of the fields of surfaces that paths met."""
 
-    grid: Grid
+    grid: CellGrid
     marks: mi.UInt32
     vertices: mi.UInt32
     """Number of vertices by the key of the cell."""
 
     @classmethod
     def of(
-        cls, scene: Scene, points: np.ndarray, normals: np.ndarray, grid: Grid, seed: int
-    ) -> Reached:
+        cls, scene: Scene, points: np.ndarray, normals: np.ndarray, grid: CellGrid, seed: int
+    ) -> ReachedSurfaces:
         """Mark what paths from points (sensor, 3) meet."""
         paths = -(-PATHS // len(points))
         met = gather(scene, points, normals, replicates=1, paths=paths, grid=grid, seed=seed)
@@ -62,7 +62,7 @@ class Reached:
         return marked | few
 
 
-def _field(grid: Grid, p: mi.Point3f, n: mi.Vector3f, step: int) -> mi.UInt32:
+def _field(grid: CellGrid, p: mi.Point3f, n: mi.Vector3f, step: int) -> mi.UInt32:
     """Hash of the field of points on a surface that faces `n`, some steps further across it."""
     a = dr.abs(n)
     axis = dr.select((a.x >= a.y) & (a.x >= a.z), 0, dr.select(a.y >= a.z, 1, mi.UInt32(2)))

@@ -18,8 +18,8 @@ from drcmitsuba.runtime.flat_arrays import add_at, flat
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.materials import is_diffuse
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.cells.cells import Grid
-from drcmitsuba.transport.photons.reached import Reached
+from drcmitsuba.transport.cells.cells import CellGrid
+from drcmitsuba.transport.photons.reached import ReachedSurfaces
 from drcmitsuba.transport.rays.bsdf_lookup import number, table
 
 spatial = lazy.module("scipy.spatial")
@@ -41,14 +41,16 @@ _NONE = 0xFFFFFFFF
 class CellAreas:
     """Areas of the cells of diffuse surfaces."""
 
-    grid: Grid
+    grid: CellGrid
     row: mi.UInt32
     """Row of every key of the grid; `_NONE` without area."""
     area: mi.Float
     """Area of every row [m²]."""
 
     @classmethod
-    def of(cls, scene: Scene, grid: Grid, seed: int, reached: Reached | None = None) -> CellAreas:
+    def of(
+        cls, scene: Scene, grid: CellGrid, seed: int, reached: ReachedSurfaces | None = None
+    ) -> CellAreas:
         """Measure the areas by points spread evenly over both sides of all diffuse surfaces.
 
         Points inside closed bodies do not count: a ray along the normal meets a back. Nor do those

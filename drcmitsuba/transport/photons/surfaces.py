@@ -15,7 +15,7 @@ import mitsuba as mi
 from drcmitsuba.model.materials import GlazingMaterial
 from drcmitsuba.scene.flat_panes import FlatPanes
 from drcmitsuba.scene.materials import ends_paths
-from drcmitsuba.scene.scene import Part, Scene
+from drcmitsuba.scene.scene import Scene, ScenePart
 
 
 @dataclass(frozen=True)
@@ -58,11 +58,11 @@ class Passed(NamedTuple):
         return share
 
 
-def _only_takes(part: Part) -> bool:
+def _only_takes(part: ScenePart) -> bool:
     """Whether a part is panes of a component that let light straight through."""
     m = part.material
     return bool(part.component) and isinstance(m, GlazingMaterial) and ends_paths(m)
 
 
-def _is_of(shape: mi.Shape, part: Part) -> bool:
+def _is_of(shape: mi.Shape, part: ScenePart) -> bool:
     return bool(shape.bsdf() == part.bsdf)

@@ -38,14 +38,14 @@ from drcmitsuba.runtime.launch_size import PHOTONS
 from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.runtime.random_streams import Draw, Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.cells.cells import Grid
+from drcmitsuba.transport.cells.cells import CellGrid
 from drcmitsuba.transport.photons.changing_panes import ChangingPanes
 from drcmitsuba.transport.photons.fluxes import FluxSums
-from drcmitsuba.transport.photons.light import CommonLight, FluxLedger, Landed, Light
+from drcmitsuba.transport.photons.light import CommonLight, FluxLedger, Landed, PhotonLight
 from drcmitsuba.transport.photons.pane_ports import pane_sides
 from drcmitsuba.transport.photons.paths import Recorder, Traits, follow
 from drcmitsuba.transport.photons.ports import ComponentPorts, PhotonSources, Start, of_sky, of_suns
-from drcmitsuba.transport.photons.reached import Reached
+from drcmitsuba.transport.photons.reached import ReachedSurfaces
 from drcmitsuba.transport.photons.receivers import CellAreas, Squares
 from drcmitsuba.transport.photons.surfaces import PhotonScene
 
@@ -107,11 +107,11 @@ class PhotonTracer:
                 got = "neither sky nor ground is seen from its ports"
                 remedy = "move it, or its ports, to where light comes from"
                 raise InputError("case", f"components.{ports.name}", got, remedy)
-        grid = Grid.of(scene, accuracy.cell_size)
+        grid = CellGrid.of(scene, accuracy.cell_size)
         seed = launch_seed(accuracy.seed, Stream.CELL_AREAS)
         reached = None
         if scene.near is not None and len(points) and scene.effects.depth != 0:
-            reached = Reached.of(scene, points, normals, grid, seed)
+            reached = ReachedSurfaces.of(scene, points, normals, grid, seed)
         return cls(
             every_port, CellAreas.of(scene, grid, seed, reached),
             Squares.of(scene, points, normals, accuracy.sensor_square), suns, diameter,
@@ -176,7 +176,7 @@ class PhotonTracer:
             fates[ports.name] = mine.by_fate(1 + panes_change, bins)
             if ports.name:
                 met[ports.name] = by_pane
-        light = partial(Light.of, sums, self.areas.area, self.squares.edge, bins)
+        light = partial(PhotonLight.of, sums, self.areas.area, self.squares.edge, bins)
         if known is not None:
             every = {name: each[1] + known.fates.get(name, 0) for name, each in fates.items()}
             return _OfKind(known.light.plus(light(1)), every)
@@ -192,7 +192,7 @@ class PhotonTracer:
 class _OfKind(NamedTuple):
     """Light of the photons of one kind of bins, and their fates."""
 
-    light: Light
+    light: PhotonLight
     fates: dict[str, np.ndarray]
     """`FATES` and `COUNTS` by the name of the ports, shape (fate, bin)."""
     common: CommonLight | None = None

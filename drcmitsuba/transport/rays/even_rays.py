@@ -37,7 +37,7 @@ BLOCK = 64
 """Number of lanes that belong to one receiver: lanes past its run are idle."""
 
 
-class Rays(NamedTuple):
+class LeavingRays(NamedTuple):
     """Some of the rays."""
 
     receiver: mi.UInt32
@@ -76,7 +76,7 @@ class EvenRays:
 
     def leaving(
         self, wanted: Callable[[mi.Vector3f], mi.Bool], openings: Openings | None
-    ) -> Iterator[Rays]:
+    ) -> Iterator[LeavingRays]:
         """Yield the rays in wanted directions that may leave a room by its openings."""
         if openings is None:
             rays = self._of(*self._receiver_and_index(self._lanes()))
@@ -104,7 +104,7 @@ class EvenRays:
     def _by(
         self, opening: int, some: Runs, wanted: Callable[[mi.Vector3f], mi.Bool],
         openings: Openings,
-    ) -> Iterator[Rays]:  # fmt: skip
+    ) -> Iterator[LeavingRays]:  # fmt: skip
         """Yield the rays of runs to an opening, without those that pass an earlier one, too."""
         lane = some.lanes()
         if not dr.width(lane):
@@ -124,14 +124,14 @@ class EvenRays:
     def _receiver_and_index(self, lane: mi.UInt32) -> tuple[mi.UInt32, mi.UInt32]:
         return row_and_column(lane, self.rays)
 
-    def _of(self, receiver: mi.UInt32, index: mi.UInt32) -> Rays:
+    def _of(self, receiver: mi.UInt32, index: mi.UInt32) -> LeavingRays:
         """Rays by their receiver among these and their index."""
         a, b = (dr.gather(mi.UInt32, shift, receiver) for shift in self.shifts)
         uv = shifted_point(index, (a, b))
         frame = mi.Frame3f(dr.gather(mi.Normal3f, self.n, receiver))
         d = frame.to_world(mi.warp.square_to_cosine_hemisphere(uv))
         p = dr.gather(mi.Point3f, self.p, receiver)
-        return Rays(receiver + self.first, p, d, mi.Bool(True))
+        return LeavingRays(receiver + self.first, p, d, mi.Bool(True))
 
 
 class Runs(NamedTuple):

@@ -40,7 +40,7 @@ BEFORE = 0.05
 """Distance before its origin at which a ray begins that is tested for a pane it has passed [m]."""
 
 
-class Window(NamedTuple):
+class WindowPanes(NamedTuple):
     """Panes or openings that count together."""
 
     name: str
@@ -51,7 +51,7 @@ class Window(NamedTuple):
 class Windows:
     """Windows of a scene; `gather.paths.Crossings` of the paths that leave it by them."""
 
-    def __init__(self, windows: Sequence[Window]) -> None:
+    def __init__(self, windows: Sequence[WindowPanes]) -> None:
         self.windows = tuple(windows)
         if not windows:
             return

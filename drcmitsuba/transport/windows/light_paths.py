@@ -39,7 +39,7 @@ from drcmitsuba.transport.light.products import RayMatrix, product
 from drcmitsuba.transport.panes.patches import PanePatches
 from drcmitsuba.transport.photons.light import Landed
 from drcmitsuba.transport.photons.tracer import PhotonTracer
-from drcmitsuba.transport.windows.deposit import Window, WindowDeposit, Windows
+from drcmitsuba.transport.windows.deposit import WindowDeposit, WindowPanes, Windows
 
 MOST_BOUNCES = 5
 """Number of bounces from which on light counts together."""
@@ -50,9 +50,16 @@ MOST_BYTES = 1 << 30
 
 
 def by_window_and_bounce(
-    scene: Scene, points: np.ndarray, normals: np.ndarray, suns: Suns, accuracy: Accuracy,
-    windows: Sequence[Window], *, subdivision: int = 1, progress: Progress = lambda share: None,
-) -> xr.Dataset:  # fmt: skip
+    scene: Scene,
+    points: np.ndarray,
+    normals: np.ndarray,
+    suns: Suns,
+    accuracy: Accuracy,
+    windows: Sequence[WindowPanes],
+    *,
+    subdivision: int = 1,
+    progress: Progress = lambda share: None,
+) -> xr.Dataset:
     """Coefficients of sensors by window and number of bounces.
 
     Parameters

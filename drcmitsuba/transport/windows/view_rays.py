@@ -20,7 +20,7 @@ from drcmitsuba.scene.geometry import origin, rotation
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_in_state import grouped_panes
 from drcmitsuba.scene.sensors import refuse_in_solids, sensor_coordinates, sensor_points
-from drcmitsuba.transport.windows.deposit import Window, Windows
+from drcmitsuba.transport.windows.deposit import WindowPanes, Windows
 
 ELEVATIONS = (-45, -30, -15, -8, -4, -2, 0, 2, 4, 8, 15, 30, 45)
 """Elevations of the rays [deg]."""
@@ -84,11 +84,11 @@ def view_distances(
     return out.assign_coords(coords)
 
 
-def _clear_windows(case: Case) -> list[Window]:
+def _clear_windows(case: Case) -> list[WindowPanes]:
     """Openings that are seen through, in the open state."""
     groups = PaneGroups.of_windows(case)
     return [
-        Window(str(panes.group), panes.quads)
+        WindowPanes(str(panes.group), panes.quads)
         for panes in grouped_panes(case, groups=groups)
         if panes.materials[0] is None or isinstance(panes.materials[0], GlazingMaterial)
     ]

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drcmitsuba.bsdf import displacement, incidence, measured, pab_opto
-from drcmitsuba.bsdf.measured import Pixels, from_measurements
+from drcmitsuba.bsdf.measured import CosinePixels, from_measurements
 from drcmitsuba.bsdf.merge import merge
 from drcmitsuba.runtime.errors import InputError
 
@@ -252,7 +252,7 @@ def test_the_total_of_an_incidence_is_that_of_its_points(tmp_path):
     xy = np.concatenate([xy, far[np.hypot(*(far - [0.31, 0.17]).T) > 0.08]])
     o = np.c_[xy, np.zeros(len(xy))]
     value = f(np.array([-0.31, -0.17, 0]), o)
-    pixels = Pixels(DEPTH)
+    pixels = CosinePixels(DEPTH)
     light = measured.gathered(xy, value, pixels, "scan.txt")
     assert light.sum() == pytest.approx(0.5, rel=0.02)
     cells = pixels.cells(light)
@@ -260,7 +260,7 @@ def test_the_total_of_an_incidence_is_that_of_its_points(tmp_path):
 
 
 def test_an_even_sample_is_even_in_pixels_and_cells():
-    pixels = Pixels(3)
+    pixels = CosinePixels(3)
     light = np.full((16, 16), 0.25) * pixels.cover * pixels.area
     np.testing.assert_allclose(pixels.cells(light), 0.25)
     assert light.sum() == pytest.approx(0.25 * np.pi)

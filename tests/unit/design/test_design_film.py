@@ -13,7 +13,7 @@ from drcmitsuba_plugins.sampling import disk_solid_angle
 
 from drcmitsuba.annual import simulation
 from drcmitsuba.design.film import Leaves, MeasuredFilm, Mix, ParametricFilm
-from drcmitsuba.design.film_bins import Bins
+from drcmitsuba.design.film_bins import FilmBins
 from drcmitsuba.design.film_year import FilmYear
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
@@ -58,7 +58,7 @@ def bins():
     suns = Suns(
         tuple(f"sun_{i}" for i in range(len(SUN))), SUN / np.linalg.norm(SUN, axis=1)[:, None]
     )
-    return Bins(SOUTH, 1, suns)
+    return FilmBins(SOUTH, 1, suns)
 
 
 # Bins and cells
@@ -71,7 +71,7 @@ def irradiance_of(bins):
 
 
 def test_a_finer_sky_gives_the_same_irradiance(bins):
-    fine = irradiance_of(Bins(SOUTH, 3, bins.suns))
+    fine = irradiance_of(FilmBins(SOUTH, 3, bins.suns))
     assert fine[0] == pytest.approx(np.pi / 2, rel=1e-6)
     # Parts that the pane's plane cuts count whole, by what is before it less what is behind.
     assert fine[:-4].sum() == pytest.approx(np.pi, rel=1e-4)

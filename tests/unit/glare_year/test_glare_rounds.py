@@ -9,7 +9,7 @@ import xarray as xr
 from drcmitsuba.case.accuracy import Accuracy, Target
 from drcmitsuba.glare_year.eye_samples import EyeSamples, by_hour
 from drcmitsuba.glare_year.result import GlareYear
-from drcmitsuba.glare_year.rounds import Look, of_glare, of_illuminance, toward
+from drcmitsuba.glare_year.rounds import IntervalLook, of_glare, of_illuminance, toward
 from drcmitsuba.runtime import time_limit
 from drcmitsuba.runtime.progress import silent
 
@@ -128,7 +128,7 @@ class Made:
         return samples
 
     def look(self, samples):
-        return Look(4 / (1 + len(self.begun)), np.ones((1, 1, 1), bool))
+        return IntervalLook(4 / (1 + len(self.begun)), np.ones((1, 1, 1), bool))
 
 
 def test_rounds_end_where_the_target_is_reached(monkeypatch):

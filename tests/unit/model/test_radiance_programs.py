@@ -8,7 +8,7 @@ import pytest
 from drcmitsuba.model.radiance import read
 from drcmitsuba.model.radiance.command import pipeline
 from drcmitsuba.model.radiance.generators import GENERATORS
-from drcmitsuba.model.radiance.text import Command, Place, statements
+from drcmitsuba.model.radiance.text import Command, FileLine, statements
 from tests import radiance, skips
 
 pytestmark = skips.RADIANCE.mark
@@ -17,7 +17,7 @@ MATERIAL = "void plastic m 0 0 5 .5 .5 .5 0 0\n"
 
 
 def words_of(line):
-    (words,) = pipeline(Command(line, Place(Path("x.rad"), 1)))
+    (words,) = pipeline(Command(line, FileLine(Path("x.rad"), 1)))
     return words
 
 
@@ -76,7 +76,7 @@ def shapes(primitives):
 )
 def test_a_generator_gives_what_the_program_gives(line, tmp_path):
     name, *words = words_of(line)
-    ours = shapes(GENERATORS[name](words, Place(Path("x.rad"), 1)))
+    ours = shapes(GENERATORS[name](words, FileLine(Path("x.rad"), 1)))
     output = radiance.run([name, *words], tmp_path)
     theirs = shapes(statements(output, Path("out.rad")))
     assert [(kind, len(numbers)) for kind, numbers in ours] == [

@@ -12,7 +12,7 @@ from drcmitsuba.model.radiance import bodies, read
 from drcmitsuba.model.radiance.context import Budget, Context
 from drcmitsuba.model.radiance.definitions import Definitions
 from drcmitsuba.model.radiance.reading import read_file
-from drcmitsuba.model.radiance.surfaces import Surfaces
+from drcmitsuba.model.radiance.surfaces import SurfacesByModifier
 from drcmitsuba.runtime.errors import InputError
 from tests import SHARED, skips
 
@@ -298,7 +298,7 @@ def test_files_that_multiply_end_soon(tmp_path):
     for i in range(12):
         (tmp_path / f"{i}.rad").write_text(f"!xform {i + 1}.rad\n" * 30)
     (tmp_path / "12.rad").write_text("")
-    few = Context(Definitions(), Surfaces(Notes()), Budget(files=100), Notes())
+    few = Context(Definitions(), SurfacesByModifier(Notes()), Budget(files=100), Notes())
     with pytest.raises(InputError, match="more than 20000 files"):
         read_file(tmp_path / "0.rad", few)
 

@@ -7,7 +7,7 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.patches import patch_index
 
-from drcmitsuba.rendering.outside import Outside
+from drcmitsuba.rendering.outside import OutsideLuminances
 from drcmitsuba.scene.materials import bsdf
 from drcmitsuba.scene.meshes import quad_mesh
 
@@ -15,7 +15,7 @@ LUMINANCES = np.random.default_rng(3).uniform(2000, 9000, 146)
 
 
 @dataclass(frozen=True)
-class Patchwise(Outside):
+class Patchwise(OutsideLuminances):
     """Outside whose sky has one luminance for each patch, as the reference has it."""
 
     sky_scale: np.ndarray = field(default_factory=lambda: LUMINANCES)

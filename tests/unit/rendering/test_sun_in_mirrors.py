@@ -13,7 +13,7 @@ from drcmitsuba.model.materials import GlazingMaterial, Lambertian, MirrorMateri
 from drcmitsuba.picture.view import PictureView
 from drcmitsuba.rendering.hour import luminance, replicates
 from drcmitsuba.rendering.light_paths import Sampling, trace
-from drcmitsuba.rendering.outside import Outside
+from drcmitsuba.rendering.outside import OutsideLuminances
 from drcmitsuba.rendering.stored_view import save_paths, with_tiles_of
 from drcmitsuba.scene.geometry import Surface, quad
 from drcmitsuba.scene.materials import bsdf
@@ -26,7 +26,7 @@ IMAGE = SUN * [1, -1, 1]
 DIAMETER, LUMINANCE, EYE = 0.5, 1e9, np.array([0.0, 0.0, 1.0])
 OMEGA = disk_solid_angle(DIAMETER)
 SIZE, DARK = 96, np.zeros(146)
-OUTSIDE = Outside(np.zeros((181, 721)), 0.0, LUMINANCE, SUN, DIAMETER)
+OUTSIDE = OutsideLuminances(np.zeros((181, 721)), 0.0, LUMINANCE, SUN, DIAMETER)
 
 
 def mirror(reflectance=0.8, **more):

@@ -12,7 +12,7 @@ from drcmitsuba.report.document.charts import _runs
 from drcmitsuba.report.document.labels import labels
 from drcmitsuba.report.document.packing import STEPS, levels, packed, unpacked
 from drcmitsuba.report.document.report import _environment, _inert
-from drcmitsuba.report.document.table import Number, Table, interval, share, text
+from drcmitsuba.report.document.table import Number, PageTable, interval, share, text
 from drcmitsuba.standards.deciding import WORDS
 from tests import ROOT
 
@@ -62,7 +62,7 @@ def test_numbers_keep_their_digits():
 
 def test_all_text_is_escaped_in_html_and_markdown():
     evil = "</script><script>alert(1)</script>| `x` [a](javascript:b)"
-    it = Table(evil, (evil,), (((evil,),),), evil)
+    it = PageTable(evil, (evil,), (((evil,),),), evil)
     env = _environment()
     told = env.get_template("page.html").make_module(_empty()).table(it)
     assert "<script" not in told
@@ -74,7 +74,7 @@ def test_all_text_is_escaped_in_html_and_markdown():
 
 
 def _empty():
-    nothing = Table("", (), ())
+    nothing = PageTable("", (), ())
     one = dict.fromkeys(("asked", "metrics", "verdicts", "versions", "validation"), nothing)
     keys = ("differences", "months", "charts", "spaces", "groups", "judgements", "plan", "notes",
             "lights")  # fmt: skip

@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from drcmitsuba.case.reading import load_case
-from drcmitsuba.report.document import Facade, Report, hours, plans
+from drcmitsuba.report.document import EvaluatedFacade, Report, hours, plans
 from drcmitsuba.report.document.hours import Hours
 from drcmitsuba.report.document.packing import unpacked
 
@@ -37,7 +37,7 @@ def facade(*, days=30, sensors=12, groups=True, spread=False):
     numbers |= {name: [HALF] * 12 for name in ("msDA", "MSE", "shade_closed_monthly")}
     numbers |= {"settings": {}, "undecided": [{"sensor": 5, "metric": "sDA", "probability": 0.25}]}
     case = load_case("classroom/existing")
-    return Facade(case, xr.Dataset(light, coords, attributes), numbers, {}, [])
+    return EvaluatedFacade(case, xr.Dataset(light, coords, attributes), numbers, {}, [])
 
 
 def test_counts_of_the_plans_are_those_of_the_illuminance():
@@ -125,14 +125,16 @@ def test_hours_that_do_not_fit_are_of_fewer_days(monkeypatch):
 
 def test_groups_without_their_states_are_refused_and_a_single_shade_is_told():
     one = facade()
-    without = Facade(one.case, one.illuminance.drop_vars("facade_state"), one.numbers, {}, [])
+    without = EvaluatedFacade(
+        one.case, one.illuminance.drop_vars("facade_state"), one.numbers, {}, []
+    )
     assert Hours(without, np.arange(12)).to_dict(10**6)["groups"] == []
     one = facade(groups=False)
     closed = np.arange(one.illuminance.sizes["time"]) % 3 == 0
     E = one.illuminance.assign_coords(shade_closed=("time", closed))
-    (group,) = Hours(Facade(one.case, E, one.numbers, {}, []), np.arange(12)).to_dict(10**6)[
-        "groups"
-    ]
+    (group,) = Hours(EvaluatedFacade(one.case, E, one.numbers, {}, []), np.arange(12)).to_dict(
+        10**6
+    )["groups"]
     assert (group["name"], group["states"]) == ("shade", ["open", "shaded"])
     np.testing.assert_array_equal(unpacked(group["state"])[0], closed)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drcmitsuba.report.edges import outlines
-from drcmitsuba.report.scene_view import GROUPS, KINDS, MOST_ROWS, Drawn, scene_view
+from drcmitsuba.report.scene_view import GROUPS, KINDS, MOST_ROWS, DrawnSurfaces, scene_view
 from drcmitsuba.scene.geometry import box
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
@@ -57,10 +57,12 @@ def legend_of(drawn, names=()):
 
 
 def test_groups_of_panes_have_colours_of_their_own():
-    drawn = [Drawn("surface", SQUARE[None]), Drawn("pane", SQUARE[None] + 3)]
+    drawn = [DrawnSurfaces("surface", SQUARE[None]), DrawnSurfaces("pane", SQUARE[None] + 3)]
     alone = legend_of(drawn, ["glass: 1 m²"])
     assert alone["panes"] == (KINDS["pane"]["color"], "-")
-    grouped = legend_of([*drawn, *(Drawn("pane", SQUARE[None] + i, f"{i}") for i in range(8))])
+    grouped = legend_of(
+        [*drawn, *(DrawnSurfaces("pane", SQUARE[None] + i, f"{i}") for i in range(8))]
+    )
     assert grouped["panes of no group"] == alone["panes"]
     assert "panes" not in grouped
     looks = [grouped[f"{i}"] for i in range(8)]
@@ -69,7 +71,7 @@ def test_groups_of_panes_have_colours_of_their_own():
 
 
 def test_a_legend_is_not_longer_than_its_place():
-    drawn = [Drawn("pane", SQUARE[None] + i, f"group {i}") for i in range(100)]
+    drawn = [DrawnSurfaces("pane", SQUARE[None] + i, f"group {i}") for i in range(100)]
     texts = list(legend_of(drawn, ["glass " * 50]))
     assert len(texts) == 1 + MOST_ROWS
     assert texts[-1] == "… and 92 more"

@@ -8,7 +8,7 @@ import xarray as xr
 from matplotlib.collections import QuadMesh
 from matplotlib.quiver import Quiver
 
-from drcmitsuba.model.model import Grid
+from drcmitsuba.model.model import SensorGrid
 from drcmitsuba.report import figures, plots, tiles
 from drcmitsuba.report.sheets import sheets
 from drcmitsuba.runtime import backend
@@ -97,8 +97,8 @@ def test_points_that_face_sideways_are_arrows_with_a_word():
     case = house(sensors={"grids": ["*"]})
     angles = np.arange(8) * np.pi / 4
     around = np.column_stack([np.cos(angles), np.sin(angles), 0 * angles])
-    eyes = Grid("eyes", np.tile([2.0, 2, 1.2], (8, 1)), around)
-    desk = Grid("desk", np.array(square(5, 1, 0.8)), np.tile([0.0, 0, 1], (9, 1)))
+    eyes = SensorGrid("eyes", np.tile([2.0, 2, 1.2], (8, 1)), around)
+    desk = SensorGrid("desk", np.array(square(5, 1, 0.8)), np.tile([0.0, 0, 1], (9, 1)))
     case._building = replace(case.building, grids=(eyes, desk))
     drawn = figures.pictures(case, *evaluated(case))
     up, sideways = drawn["sun_1_plan.png"], drawn["sun_2_plan.png"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drcmitsuba.model.materials import Lambertian, MirrorMaterial
-from drcmitsuba.model.model import Grid
+from drcmitsuba.model.model import SensorGrid
 from drcmitsuba.plan import notes
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
@@ -74,8 +74,9 @@ def test_a_room_without_an_opening_is_refused_alone_and_noted_beside_others():
     cellar = layer("cellar", Lambertian(0.5), floor, ceiling, *walls)
     up = np.array([[0.0, 0.0, 1.0]])
     grids = (
-        Grid("office", np.array([[2, 2, 0.8]]), up), Grid("archive", np.array([[12, 2, 0.8]]), up)
-    )  # fmt: skip
+        SensorGrid("office", np.array([[2, 2, 0.8]]), up),
+        SensorGrid("archive", np.array([[12, 2, 0.8]]), up),
+    )
     case._building = replace(case.building, layers=(*case.building.layers, cellar), grids=grids)
     refuse_darkness(case)
     [note] = darkness_notes(case)

@@ -7,7 +7,7 @@ import pytest
 
 from drcmitsuba.case.sensors import MOST_GRIDS, FloorSensors
 from drcmitsuba.model.materials import Lambertian
-from drcmitsuba.model.model import Grid
+from drcmitsuba.model.model import SensorGrid
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene import leaks, sensors
@@ -30,7 +30,9 @@ def with_grids(*grids, **tables):
 
 
 def grid(name, *points, normal=UP):
-    return Grid(name, np.array(points, float), np.tile(np.array(normal, float), (len(points), 1)))
+    return SensorGrid(
+        name, np.array(points, float), np.tile(np.array(normal, float), (len(points), 1))
+    )
 
 
 def office(*walls):
@@ -125,7 +127,7 @@ def test_normals_are_told_where_points_do_not_face_up():
 
 
 def test_grids_are_chosen_by_name_and_empty_ones_passed_over():
-    empty = Grid("void", np.empty((0, 3)), np.empty((0, 3)))
+    empty = SensorGrid("void", np.empty((0, 3)), np.empty((0, 3)))
     case = with_grids(grid("a1", [1, 1, 0.8]), empty, grid("b1", [5, 1, 0.8]))
     assert sensor_coordinates(case)["grid"].values.tolist() == ["a1", "b1"]
     chosen = case.with_tables(sensors=case.sensors.model_copy(update={"grids": ("b*",)}))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drcmitsuba.model.materials import Lambertian
-from drcmitsuba.model.model import Grid
+from drcmitsuba.model.model import SensorGrid
 from drcmitsuba.plan import notes
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
@@ -26,7 +26,9 @@ def _backend():
 
 
 def grid(name, *points, normal=(0, 0, 1)):
-    return Grid(name, np.array(points, float), np.tile(np.array(normal, float), (len(points), 1)))
+    return SensorGrid(
+        name, np.array(points, float), np.tile(np.array(normal, float), (len(points), 1))
+    )
 
 
 def room(*grids, more=(), hole=None, model=None):

@@ -10,7 +10,7 @@ from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.standards.coverage import diffuse_horizontal, hours_of
 from drcmitsuba.standards.quantities import count
 from drcmitsuba.standards.standard import Quantity, read
-from drcmitsuba.standards.year import Year
+from drcmitsuba.standards.year import StandardYear
 from tests.system.small_room import CASE
 from tests.unit.standards.made_year import WHOLE, WORKING, evidence, median_reached, zenith
 
@@ -42,7 +42,7 @@ def test_shares_of_points(light, threshold, fraction):
         .quantities["sDA"]
         .model_copy(update={"light": light, "threshold": threshold, "fraction": fraction})
     )
-    counted = count(quantity, Year(E, np.arange(len(WORKING))))
+    counted = count(quantity, StandardYear(E, np.arange(len(WORKING))))
     needed = np.ceil(fraction * len(WORKING))
     for i, drawn in enumerate(whole_years(E)):
         passed = (drawn >= threshold).sum(axis=0) >= needed
@@ -58,7 +58,7 @@ def test_hours_of_the_mean():
         meaning="", light="open", of="mean", threshold=300.0, hours=2000.0, source="",
         sure="second-hand",
     )  # fmt: skip
-    counted = count(quantity, Year(E, np.arange(len(WHOLE))))
+    counted = count(quantity, StandardYear(E, np.arange(len(WHOLE))))
     for i, drawn in enumerate(whole_years(E)):
         hours = (drawn.reshape(len(WHOLE), 2, 16).mean(axis=2) >= 300).sum(axis=0)
         # Light in single precision may differ at the threshold.
@@ -70,9 +70,9 @@ def test_some_hours_of_a_year_are_counted_as_alone():
     whole, alone = made(times=WHOLE), made(times=WORKING)
     at = np.flatnonzero(np.isin(WHOLE, WORKING))
     quantity = read("lm-83-12").quantities["sDA"]
-    part = count(quantity, Year(whole, at))
+    part = count(quantity, StandardYear(whole, at))
     C = alone.coefficients.open["replicates"]
-    same = Year(
+    same = StandardYear(
         type(alone)(
             whole.illuminance.isel(time=at), whole.coefficients, whole.sky.isel(time=at),
             alone.drawing, "alone",

@@ -17,7 +17,7 @@ from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import coefficients, replicate
-from drcmitsuba.transport.cells.points import Draws
+from drcmitsuba.transport.cells.points import CellPoints
 from drcmitsuba.transport.cells.vertices import Vertices
 from drcmitsuba.transport.gather.blocks import Gathered
 from drcmitsuba.transport.interreflection import cell_rays
@@ -118,7 +118,7 @@ def test_weighted_draws_follow_the_weights():
     zero = dr.zeros(mi.UInt32, 4 * n)
     p = mi.Float(np.repeat(np.tile(np.arange(4.0), n), 3))
     vertices = Vertices(zero, weight, cell, dr.arange(mi.UInt32, 4 * n), p, p)
-    first, second = Draws.none(2).extended(vertices, cell, n, weighted=True).apart()
+    first, second = CellPoints.none(2).extended(vertices, cell, n, weighted=True).apart()
     for one in (first, second):
         counts = np.bincount(one.p.numpy()[::3].astype(int), minlength=4)
         expected = n * weights / weights.sum()
@@ -135,7 +135,7 @@ def test_each_replicate_draws_from_its_own_vertices():
     vertices = Vertices(number, mi.Float([1, 1, 0, 1, 1, 1]), number, number, at, at)
     column = mi.UInt32(cell.astype(np.uint32)), 3
     of = mi.UInt32(own.astype(np.uint32))
-    drawn = Draws.none(3).extended(vertices, *column, weighted=True, own=of)
+    drawn = CellPoints.none(3).extended(vertices, *column, weighted=True, own=of)
     points = drawn.p.numpy()[::3].reshape(3, -1)
     np.testing.assert_array_equal(points, [[0, 1, 5], [4, 3, 5], [4, 1, 5]])
     # A vertex of its own takes the place of a lent one, whatever their weights.
@@ -161,8 +161,8 @@ def test_draws_are_extended_as_if_made_at_once():
         return replace(whole, **column, weight=weights, **dict.fromkeys(
             ("p", "n"), dr.gather(mi.Float, whole.p, three)))  # fmt: skip
 
-    at_once = Draws.none(3).extended(whole, whole.key, 64, weighted=True)
-    halves = Draws.none(3).extended(part(0), part(0).key, 64, weighted=True)
+    at_once = CellPoints.none(3).extended(whole, whole.key, 64, weighted=True)
+    halves = CellPoints.none(3).extended(part(0), part(0).key, 64, weighted=True)
     halves = halves.extended(part(n), part(n).key, 64, weighted=True)
     np.testing.assert_array_equal(at_once.p.numpy(), halves.p.numpy())
 

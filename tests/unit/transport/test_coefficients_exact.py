@@ -9,7 +9,7 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.cells.cells import Grid
+from drcmitsuba.transport.cells.cells import CellGrid
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.gather.paths import gather
 from drcmitsuba.transport.interreflection import interior
@@ -39,8 +39,9 @@ def test_gathered_weights_in_a_closed_room_are_a_geometric_series(reflectance, s
     points = np.array([[0, 0, 0], [0.9, -0.9, 0.5]])
     normals = np.array([[0, 0, 1], [-0.6, 0.8, 0]])
     n, paths = 32, 4096
-    vertices = gather(scene, points, normals, replicates=n, paths=paths, grid=Grid.of(scene, 0.5),
-                      seed=6)  # fmt: skip
+    vertices = gather(
+        scene, points, normals, replicates=n, paths=paths, grid=CellGrid.of(scene, 0.5), seed=6
+    )
     total = np.bincount(vertices.row.numpy(), vertices.weight.numpy(), minlength=2 * n)
     same(total.reshape(n, 2), exact=reflectance / (1 - reflectance), within=0.005)
     if reflectance > 0.9:
@@ -126,7 +127,7 @@ def test_bias_of_cells_falls_with_their_size():
     lost, noise = {}, {}
     for count in (3, 26, 79, 199):  # across 8 m, such that the edge halves a cell
         size = 8 / (count + 0.13)
-        key = Grid.of(scene, size).key(
+        key = CellGrid.of(scene, size).key(
             mi.Point3f([-0.4 * size, 0.4 * size], 0, 0), mi.Normal3f(0, 0, 1)
         )
         assert key[0] == key[1]

@@ -13,7 +13,7 @@ from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.interreflection import solved_cells
-from drcmitsuba.transport.interreflection.interior import Interior
+from drcmitsuba.transport.interreflection.interior import RoomPaths
 from tests.unit.transport.exact_scenes import plane
 
 UP = np.array([[0.0, 0.0, 1.0]])
@@ -43,7 +43,7 @@ def hall(solved, **room):
 def test_a_sensor_under_a_table_knows_the_cells_of_the_room():
     accuracy, world = Accuracy(replicates=2), hall(True)
     under, open_air = (
-        Interior.of(world, p, UP, accuracy).gathered.cells.count
+        RoomPaths.of(world, p, UP, accuracy).gathered.cells.count
         for p in (UNDER_A_TABLE, IN_THE_ROOM)
     )
     assert under > 0.97 * open_air
@@ -63,7 +63,7 @@ def test_cells_that_the_second_round_finds_send_rays_too(monkeypatch):
     monkeypatch.setattr(solved_cells, "FEW", 1)
     monkeypatch.setattr(solved_cells, "PER_CELL", 0)
     accuracy, world = Accuracy(replicates=2), hall(True)
-    transfer = Interior.of(world, UNDER_A_TABLE, UP, accuracy).transfer
+    transfer = RoomPaths.of(world, UNDER_A_TABLE, UP, accuracy).transfer
     cells = len(transfer.blocks.of.numpy())
     sending = len(np.unique(transfer.bounces[0].source.numpy()))
     assert cells > 1500

@@ -20,7 +20,7 @@ from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.transport import coefficients, facade_basis
-from drcmitsuba.transport.cells.cells import Grid
+from drcmitsuba.transport.cells.cells import CellGrid
 from drcmitsuba.transport.facade_basis import facade, simulate
 from drcmitsuba.transport.facade_basis.basis import Returned
 from drcmitsuba.transport.facade_basis.tiling import FRAME, material_at, wall_around
@@ -234,7 +234,7 @@ def test_marked_paths_weigh_what_paths_of_the_facade_itself_do(material):
     points, normals = sensor_points(case)
     means = []
     for seed, (of, marks) in enumerate([(world, meetings), (scene.load(case), None)]):
-        grid = Grid.of(of, 0.45)
+        grid = CellGrid.of(of, 0.45)
         v = gather(
             of, points, normals, replicates=8, paths=1 << 13, grid=grid, seed=seed, marks=marks
         )

@@ -9,7 +9,7 @@ from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.scene.sensors import sensor_points
-from drcmitsuba.transport.cells.cells import Grid
+from drcmitsuba.transport.cells.cells import CellGrid
 from drcmitsuba.transport.gather import paths as gather_module
 from drcmitsuba.transport.gather.paths import ends_at_once, gather
 from tests.plain_gather import plain_gather
@@ -51,7 +51,7 @@ def test_fast_and_plain_gather_agree(material, same):
     ]
     vertices = gather(
         scene, POINT[None], NORMAL[None], replicates=REPLICATES, paths=PATHS,
-        grid=Grid.of(scene, 0.5), seed=99,
+        grid=CellGrid.of(scene, 0.5), seed=99,
     )  # fmt: skip
     p, n = (column.numpy().reshape(-1, 3) for column in (vertices.p, vertices.n))
     row, weight = vertices.row.numpy(), vertices.weight.numpy()
@@ -74,7 +74,7 @@ def test_paths_that_end_at_once_are_those_of_a_loop(monkeypatch):
     points, normals = sensor_points(case)
     assert ends_at_once(world)
     assert not ends_at_once(scenes.load(case))  # light may come back from outside
-    grid, both = Grid.of(world, 0.5), []
+    grid, both = CellGrid.of(world, 0.5), []
     for ends in (True, False):
         monkeypatch.setattr(gather_module, "ends_at_once", lambda world, ends=ends: ends)
         both.append(

@@ -11,7 +11,7 @@ from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.gather import blocks as gather_blocks
-from drcmitsuba.transport.interreflection.interior import Interior, SharedInterior
+from drcmitsuba.transport.interreflection.interior import RoomPaths, SharedInterior
 from drcmitsuba.transport.shared_paths import SharedPaths
 
 EFFECTS = EnabledEffects(beyond=False, solved_cells=True)
@@ -42,13 +42,13 @@ def states(glass=0.0, shade=0.0, **more):
 @pytest.fixture
 def traced(monkeypatch):
     """Scenes whose interiors have been traced."""
-    of, scenes = Interior.of, []
+    of, scenes = RoomPaths.of, []
 
     def counted(world, *rest):
         scenes.append(world)
         return of(world, *rest)
 
-    monkeypatch.setattr(Interior, "of", counted)
+    monkeypatch.setattr(RoomPaths, "of", counted)
     return scenes
 
 

@@ -15,7 +15,7 @@ from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.windows import light_paths
-from drcmitsuba.transport.windows.deposit import Window
+from drcmitsuba.transport.windows.deposit import WindowPanes
 from drcmitsuba.transport.windows.light_paths import BETWEEN_PANES, ELSEWHERE, by_window_and_bounce
 from tests import ROOT
 from tests.unit.transport.exact_scenes import (
@@ -61,7 +61,7 @@ def windows_of(case):
     groups = PaneGroups.of_windows(case)
     panes = grouped_panes(case, groups=groups)
     return [
-        Window(name, np.concatenate([each.quads for each in panes if each.group == g]))
+        WindowPanes(name, np.concatenate([each.quads for each in panes if each.group == g]))
         for g, name in enumerate(groups.states.names)
     ]
 

@@ -15,7 +15,7 @@ from drcmitsuba.scene.geometry import Port, Surface
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.cells.cells import Grid
+from drcmitsuba.transport.cells.cells import CellGrid
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.mirrors import planar_mirrors
 from drcmitsuba.transport.photons.receivers import CellAreas, Squares
@@ -128,7 +128,7 @@ def test_areas_of_cells_are_those_of_what_light_can_reach():
         Surface("body", Lambertian(0.5), body, closed=True),
     ]
     scene = scenes.build(surfaces)
-    areas = CellAreas.of(scene, Grid.of(scene, 0.3), seed=1)
+    areas = CellAreas.of(scene, CellGrid.of(scene, 0.3), seed=1)
     # Both sides of the room's surfaces, which might be seen from outside, and the body's outside.
     assert dr.sum(areas.area)[0] == pytest.approx(2 * 52 + 4, rel=1e-4)
     top = areas.grid.key(mi.Point3f(1.5, 1.5, 1.0), mi.Normal3f(0, 0, 1))
@@ -139,7 +139,7 @@ def test_areas_of_cells_are_those_of_what_light_can_reach():
 
 def test_area_of_a_whole_face_of_a_cell():
     scene = scenes.build([Surface("floor", Lambertian(0.5), quad([0, 0, 0], 9 * X, 9 * Y)[None])])
-    areas = CellAreas.of(scene, Grid.of(scene, 1.0), seed=2)
+    areas = CellAreas.of(scene, CellGrid.of(scene, 1.0), seed=2)
     middle = areas.grid.key(mi.Point3f(4.6, 4.6, 0), mi.Normal3f(0, 0, 1))
     assert areas.area[areas.at(middle)[0][0]] == pytest.approx(1.0, rel=0.005)
 

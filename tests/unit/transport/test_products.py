@@ -10,7 +10,7 @@ import pytest
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.transport.light import products
-from drcmitsuba.transport.light.lit_cells import Reached
+from drcmitsuba.transport.light.lit_cells import LitCells
 from drcmitsuba.transport.light.products import Columns, PathMatrix, RayMatrix, product
 from tests.unit.transport.test_cells_and_transfer import closed_box
 
@@ -72,7 +72,7 @@ def test_tiles_of_bins_have_the_product_of_all(monkeypatch, summed, made):
     tiles = [np.array([4, 0]), np.array([2]), np.array([6, 1, 5]), np.array([3])]
     D[:, ::3, tiles[0]] = D[:, 1::3, tiles[2]] = 0
     d = mi.TensorXf(D.reshape(-1, BINS).astype(np.float32))
-    reached = Reached.by(d, REPLICATES, tiles)
+    reached = LitCells.by(d, REPLICATES, tiles)
     assert reached.lit.numpy().tolist() == np.flatnonzero(D.any(axis=(0, 2))).tolist()
     assert reached.shining.numpy().tolist() == [0, 1, 3, 4, 5, 6]
     assert [tile.bins.numpy().tolist() for tile in reached.tiles] == [[4, 0], [6, 1, 5], [3]]
@@ -107,7 +107,7 @@ def test_dark_light_and_no_rays_give_nothing():
     matrix, _ = rays(10)
     dark = dr.zeros(mi.TensorXf, (REPLICATES * CELLS, BINS))
     for tiles in ((), [np.arange(4), np.arange(4, BINS)]):
-        lit, shining, parts = Reached.by(dark, REPLICATES, tiles)
+        lit, shining, parts = LitCells.by(dark, REPLICATES, tiles)
         assert (dr.width(lit), dr.width(shining), parts) == (0, 0, ())
     assert not product(matrix, dark).numpy().any()
     assert product(matrix, dr.zeros(mi.TensorXf, (REPLICATES * CELLS, 0))).shape == (15, 0)

@@ -10,8 +10,8 @@ from drcmitsuba.model.materials import Lambertian
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene.geometry import Surface, box
 from drcmitsuba.scene.scene import build
-from drcmitsuba.transport.cells.cells import Grid
-from drcmitsuba.transport.photons.reached import Reached
+from drcmitsuba.transport.cells.cells import CellGrid
+from drcmitsuba.transport.photons.reached import ReachedSurfaces
 from drcmitsuba.transport.photons.receivers import CellAreas
 
 SIZE = np.array([3.0, 4.0, 2.5])
@@ -30,8 +30,8 @@ def leaves(gap):
 def test_only_the_side_counts_that_paths_of_the_sensors_meet(gap):
     backend.select()
     scene = leaves(gap)
-    grid = Grid.of(scene, 0.3)
-    reached = Reached.of(scene, POINTS, UP, grid, seed=0)
+    grid = CellGrid.of(scene, 0.3)
+    reached = ReachedSurfaces.of(scene, POINTS, UP, grid, seed=0)
     inner = 2 * (12 + 7.5 + 10)
     outer = sum(np.prod(np.delete(SIZE + 2 * gap, i)) * 2 for i in range(3))
     whole = dr.sum(CellAreas.of(scene, grid, 1).area)[0]

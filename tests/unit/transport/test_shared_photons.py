@@ -18,7 +18,7 @@ from drcmitsuba.transport import shared_paths as shared_photons
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.mirrors import planar_mirrors
 from drcmitsuba.transport.photons.changing_panes import ChangingPanes
-from drcmitsuba.transport.photons.light import Lit, dense
+from drcmitsuba.transport.photons.light import LitEntries, dense
 from drcmitsuba.transport.photons.tracer import PhotonTracer
 from drcmitsuba.transport.shared_paths import SharedPaths, SharedPhotons
 from tests import ROOT
@@ -204,7 +204,7 @@ def test_equal_entries_of_two_matrices_are_added():
     count, bins = 1 << 18, 64
     at = dr.arange(mi.UInt32, count)
     shape = count // bins, bins
-    parts = [Lit(at, dr.full(mi.Float, value, count), shape) for value in (1.0, 2.0)]
+    parts = [LitEntries(at, dr.full(mi.Float, value, count), shape) for value in (1.0, 2.0)]
     for _ in range(20):
         assert (dense(parts).numpy() == 3).all()
     rows = dense(parts, slice(3, 5))
