@@ -1,10 +1,14 @@
 """The pipeline is the import order: a room imports only rooms above it, plugins nothing of it.
 
+Within `transport`, a folder imports only folders above it; a class has a name of its own.
+
 Imports inside functions count too; `drcmitsuba/__init__.py` is the table of contents and exempt.
 """
 
 import ast
+import re
 import sys
+from collections import defaultdict
 from graphlib import TopologicalSorter
 
 import pytest
@@ -74,6 +78,48 @@ def test_rooms_stand_on_few_floors():
         below = set().union(*(rooms_imported(m) for m in OF_ROOMS if room(m) == name))
         floors[name] = 1 + max((floors[other] for other in below), default=0)
     assert max(floors.values()) <= MOST_FLOORS, floors
+
+
+TRANSPORT = sorted(module for module in OF_ROOMS if room(module) == "transport")
+
+
+def folder(module):
+    """Folder of a module of `transport`, or the module itself where it joins folders."""
+    return ".".join(module.split(".")[:3])
+
+
+def test_folders_of_transport_import_one_another_without_a_circle():
+    graph = defaultdict(set)
+    for module in TRANSPORT[1:]:
+        graph[folder(module)] |= {folder(m) for m in imports(module) & {*TRANSPORT[1:]}}
+    for name, others in graph.items():
+        others.discard(name)
+    TopologicalSorter(graph).prepare()
+
+
+def test_modules_of_transport_stand_on_few_floors():
+    inner = [m for m in TRANSPORT if MODULES[m].name != "__init__.py"]
+    graph, floors = {module: imports(module) & {*inner} for module in inner}, {}
+    for module in TopologicalSorter(graph).static_order():
+        floors[module] = 1 + max((floors[other] for other in graph[module]), default=0)
+    assert max(floors.values()) <= MOST_FLOORS, floors
+
+
+def test_a_class_name_stands_for_one_class():
+    places = defaultdict(list)
+    for module, file in MODULES.items():
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef):
+                places[node.name].append(module)
+    assert {name: modules for name, modules in places.items() if len(modules) > 1} == {}
+
+
+def test_a_folder_of_transport_lists_all_its_modules():
+    for package in (m for m in TRANSPORT if MODULES[m].name == "__init__.py"):
+        below = {m.split(".")[-1] for m in TRANSPORT if m.rpartition(".")[0] == package}
+        text = ast.get_docstring(ast.parse(MODULES[package].read_text(encoding="utf-8")))
+        heads = re.findall(r"^[a-z_0-9]+(?:, [a-z_0-9]+)*$", text, re.MULTILINE)
+        assert {name for line in heads for name in line.split(", ")} == below, package
 
 
 @pytest.mark.parametrize("module", sorted(m for m in MODULES if "plugins" in m))
