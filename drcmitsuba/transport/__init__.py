@@ -34,8 +34,8 @@ What asks for them:
 
 windows
     D and C by the window that light comes in by; how far points see out.
-group_basis
-    Light of every group of panes in each of its states.
+elements
+    Light by opening and fill: any façade, hour by hour, from one simulation.
 facade_basis
     C by façade tile and material: any composition from one simulation.
 """

@@ -26,7 +26,7 @@ from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.elements.marked_light import MarkedLight
 from drcmitsuba.transport.elements.scenes import Element
-from drcmitsuba.transport.elements.trace import Deposited, ElementTrace
+from drcmitsuba.transport.elements.trace import ElementDeposit, ElementTrace
 from drcmitsuba.transport.elements.weights import BESIDES, HOURS, Year
 from drcmitsuba.transport.gather.marked_paths import MarkedPaths
 
@@ -89,7 +89,7 @@ def illuminance(
     progress(1)
 
 
-def _lit(trace: ElementTrace, replicate: int) -> Iterator[tuple[Element, Deposited]]:
+def _lit(trace: ElementTrace, replicate: int) -> Iterator[tuple[Element, ElementDeposit]]:
     """Yield the light of every element in a replicate; what passes no opening first, if any."""
     here = range(replicate, replicate + 1)
     besides = trace.beside(here)

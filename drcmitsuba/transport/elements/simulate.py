@@ -13,7 +13,7 @@ from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.elements.light import ElementLight, LightByElement
 from drcmitsuba.transport.elements.scenes import Element
-from drcmitsuba.transport.elements.trace import Deposited, ElementTrace
+from drcmitsuba.transport.elements.trace import ElementDeposit, ElementTrace
 
 MOST_BYTES = 12 << 30
 """Largest memory of light by element [bytes]."""
@@ -83,7 +83,11 @@ def _empty(trace: ElementTrace, element: Element) -> ElementLight:
 
 
 def _fill(
-    light: ElementLight, trace: ElementTrace, some: range, deposited: Deposited, G: list[np.ndarray]
+    light: ElementLight,
+    trace: ElementTrace,
+    some: range,
+    deposited: ElementDeposit,
+    G: list[np.ndarray],
 ) -> None:
     """Write the light of some replicates, gathered by the paths G₀ of each."""
     by_cell = deposited.cells.numpy()

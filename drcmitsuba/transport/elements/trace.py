@@ -47,7 +47,7 @@ KEPT = 1 << 26
 """Largest number of pairs of sensors and suns whose disks are kept for further replicates."""
 
 
-class Deposited(NamedTuple):
+class ElementDeposit(NamedTuple):
     """Light of an element in some replicates, before any diffuse reflection [sr]."""
 
     straight: np.ndarray
@@ -57,13 +57,15 @@ class Deposited(NamedTuple):
     cells: Irradiance
     """D of the cells, shape (replicate · cell, own bin) together."""
 
-    def less(self, other: Deposited, own: np.ndarray, bins: np.ndarray) -> Deposited:
+    def less(self, other: ElementDeposit, own: np.ndarray, bins: np.ndarray) -> ElementDeposit:
         """Subtract light that has all `bins` of this one among its `own`."""
         at, (sky, sun) = np.searchsorted(own, bins), self.cells
         suns = flat_indices(at[sky.shape[1] :] - sky.shape[1])
         cells = Irradiance(sky - other.cells.sky, sun - _columns(other.cells.sun, suns))
         straight, direct = self.straight, self.direct
-        return Deposited(straight - other.straight[..., at], direct - other.direct[..., at], cells)
+        return ElementDeposit(
+            straight - other.straight[..., at], direct - other.direct[..., at], cells
+        )
 
     @property
     def is_dark(self) -> bool:
@@ -156,19 +158,19 @@ class ElementTrace:
             accuracy, MarkedPaths(gathered, len(points)), besides, tuple(elements),
         )  # fmt: skip
 
-    def beside(self, replicates: range) -> Deposited | None:
+    def beside(self, replicates: range) -> ElementDeposit | None:
         """Light that passes no opening in some replicates; None where there is none."""
         light = self.deposited(self.besides, replicates)
         return None if light.is_dark else light
 
     def deposited(
-        self, element: Element, replicates: range, besides: Deposited | None = None
-    ) -> Deposited:
+        self, element: Element, replicates: range, besides: ElementDeposit | None = None
+    ) -> ElementDeposit:
         """Light of an element in some replicates, less what passes no opening."""
         own = self._deposited(element, replicates)
         return own if besides is None else own.less(besides, self.besides.bins, element.bins)
 
-    def _deposited(self, element: Element, numbers: range) -> Deposited:
+    def _deposited(self, element: Element, numbers: range) -> ElementDeposit:
         """All light in the scene of an element."""
         gathered, light = self.paths.gathered, element.deposit
         every = Replicates(numbers, tuple(light.lit(r) for r in numbers))
@@ -193,7 +195,7 @@ class ElementTrace:
             parts = every.sensors(p, n, here, element.sun_samples, within, disks)
             for out, part in zip((straight, direct), parts, strict=True):
                 out[:, here] = part.numpy().reshape(shape[0], -1, shape[2])
-        return Deposited(straight, direct, cells)
+        return ElementDeposit(straight, direct, cells)
 
     def _disks_of(
         self, element: Element, here: slice, p: mi.Float, n: mi.Float, within: Within
