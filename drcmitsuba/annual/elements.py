@@ -70,7 +70,7 @@ class Elements:
         every = zip(self.openings, drawn, states, strict=True)
         return {opening: (first, *further) for opening, first, (_, *further) in every}
 
-    def evaluate(self, choice: Choice | None = None) -> Result:
+    def evaluate(self, choice: Choice | None = None, drawn: Choice | None = None) -> Result:
         """Evaluate a façade: E, metrics and their intervals, without tracing anything.
 
         Parameters
@@ -78,8 +78,11 @@ class Elements:
         choice : mapping, optional
             Fill by opening: the name of a fill, shares of fills by name that add up to 1, or
             either by the hour, a DataArray over `time` of names, or over `time` and `fill` of
-            shares. Openings that are not named stay as in the case: groups close by the rule of
-            the shade or by their schedules.
+            shares. It holds at all hours: no shade covers it. Openings that are not named stay as
+            in the case: groups close by the rule of the shade or by their schedules.
+        drawn : mapping, optional
+            Fill, or shares of fills, by opening, in place of what the case draws there: groups
+            close over it. The shade of `[shading]` covers its clear parts, glass and holes.
 
         Returns
         -------
@@ -90,7 +93,8 @@ class Elements:
         Raises
         ------
         InputError
-            An opening or a fill is unknown, shares do not add up to 1, or an hour is missing.
+            An opening or a fill is unknown, shares do not add up to 1, an hour is missing, or the
+            shade is no fill of an opening that it covers.
 
         Notes
         -----
@@ -99,9 +103,9 @@ class Elements:
         """
         run = replace(self.run, seconds=dict(self.run.seconds), ray_counter=Counter())
         with one_blas_thread():
-            facade, light = self._facade(choice or {})
+            facade, light = self._facade(choice or {}, drawn or {})
             case = self.case
-            if not facade.moving:
+            if not facade.moving.groups:
                 case = case.with_tables(shading=None, groups={})
             year = simulated_year(facade, case, light, run, facade.attributes)
             with run.timed("accumulation and metrics"):
@@ -131,8 +135,8 @@ class Elements:
         InputError
             As for `evaluate`.
         """
-        facade, light = self._facade(choice or {}, follows=False)
-        indices = facade.indices(light.sky["time"])
+        facade, light = self._fixed(choice or {})
+        indices = facade.moving.schedule.indices(light.sky["time"])
         return self._illuminance(facade, light, facade.shares(indices))
 
     def in_states(self, states: np.ndarray | xr.DataArray) -> xr.Dataset:
@@ -161,7 +165,7 @@ class Elements:
         if given.dtype.kind not in "iu" or (given < 0).any() or (given > known.last).any():
             got = "what is no index of a fill"
             raise InputError("states", "index", got, f"whole numbers from 0 to {known.last}")
-        facade, light = self._facade({}, follows=False)
+        facade, light = self._fixed({})
         shares = self.channels[0].shares(given)
         return self._illuminance(facade, light, shares)
 
@@ -173,15 +177,24 @@ class Elements:
         out = xr.Dataset({"total": (dims, mean), "total_se": (dims, error)}, E.coords)
         return describe(out.assign_coords(sensor_coordinates(self.case).coords))
 
-    def _facade(self, choice: Choice, *, follows: bool = True) -> tuple[ChosenFacade, Daylight]:
+    def _fixed(self, choice: Choice) -> tuple[ChosenFacade, Daylight]:
+        """Façade of a choice whose other openings stay as drawn, at the case's own time stamps."""
+        first = {opening: fills[0] for opening, fills in self.fills.items()}
+        facade, light = self._facade({**first, **choice}, {})
+        return facade, light.alone()
+
+    def _facade(self, choice: Choice, drawn: Choice) -> tuple[ChosenFacade, Daylight]:
         """Façade of a choice, and the daylight that its hours are of."""
         light = self.daylight
-        chosen = ChosenFills.of(self.fills, choice, light.sky["time"].values)
-        if chosen.hourly or not follows:
+        time = light.sky["time"].values
+        chosen, first = (ChosenFills.of(self.fills, each, time) for each in (choice, drawn))
+        if first.hourly:
+            got = f"fills of {self.openings[min(first.hourly)]} by the hour"
+            raise InputError("drawn", "time", got, "give them as a choice, or one for all hours")
+        if chosen.hourly:
             light = light.alone()  # the choice knows no other hours
-        effects = self.planned.scope
         facade = ChosenFacade.of(
-            self.case, self.panes, self.channels, light, effects, chosen, follows=follows
+            self.case, self.panes, self.channels, light, self.planned.scope, chosen, first.constant
         )
         return facade, light
 

@@ -20,14 +20,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from drcmitsuba.annual.variants import evaluate_variants
+from drcmitsuba.annual.elements import elements
 from drcmitsuba.case.case import Case
 from drcmitsuba.model.materials import GlazingMaterial
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
-from drcmitsuba.runtime.toml import Side
-from drcmitsuba.transport import facade_basis
+from drcmitsuba.scene.fills import HOLE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -91,33 +90,22 @@ class Season:
 
 
 def season(case: Case, stage: Stage = silent) -> Season:
-    """Evaluate a case, windows in one side, beside clear glazing and an unobstructed opening.
+    """Evaluate a case beside clear glazing and an unobstructed opening, from one simulation.
 
     Raises
     ------
     InputError
-        The materials have no glazing, or `evaluate_variants` refuses the case.
+        The materials have no glazing, or `elements` refuses the case.
     """
-    case.refuse_components("a comparison of façades")
-    case.refuse_groups("a comparison of façades")
     glass = [name for name, m in case.materials.items() if isinstance(m, GlazingMaterial)]
     if not glass:
         remedy = "add the clear glazing to compare with to [materials]"
         raise InputError(case.source, "materials", "no glazing", remedy)
     used = {s.material for f in case.facade.values() for s in f.strips}
+    used |= {layer.name for layer in case.building.layers}
     clear = next((name for name in glass if name in used), glass[0])
-    side = facade_basis.side_of([case])
-    cases = [case, filled(case, side, clear), filled(case, side, "open")]
-    judged = [case, cases[1], cases[2].with_tables(shading=None)]
-    monthly = [result.metrics["msDA"] for result in evaluate_variants(cases, stage, judged)]
-    return Season(case.name, *monthly)
-
-
-def filled(case: Case, side: Side, material: str) -> Case:
-    """Fill all openings of a side with one material; `open` leaves them empty."""
-    facade = case.facade[side]
-    strips = tuple(
-        strip if strip.material == "wall" else strip.model_copy(update={"material": material})
-        for strip in facade.strips
-    )
-    return case.with_facade(side, facade.model_copy(update={"strips": strips}))
+    shade = [] if case.shading is None else [case.shading.material]
+    light = elements(case, [clear, HOLE, *shade], stage)
+    every, empty = (dict.fromkeys(light.openings, fill) for fill in (clear, HOLE))
+    results = (light.evaluate(), light.evaluate(drawn=every), light.evaluate(empty))
+    return Season(case.name, *(result.metrics["msDA"] for result in results))

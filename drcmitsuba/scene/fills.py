@@ -92,6 +92,14 @@ def _apart(case: Case, own: PaneGroups) -> PaneGroups:
     )
 
 
+def clear_panes(case: Case, openings: PaneGroups) -> list[bool]:
+    """Whether a shade may cover what the case draws in every opening."""
+    clear = [False] * len(openings)
+    for panes in like_panes(case):
+        clear[_opening_of(openings, panes)] |= panes.clear
+    return clear
+
+
 def drawn_in(case: Case, openings: PaneGroups) -> list[str]:
     """Name of what the case draws in every opening: a material, or "open" where these differ."""
     materials: list[set[str]] = [set() for _ in range(len(openings))]

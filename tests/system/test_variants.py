@@ -128,6 +128,19 @@ def test_season(run, tmp_path):
     assert "of the opening" in out.replace("\n", " ")
 
 
+def test_season_of_a_case_with_groups_in_two_sides(run, tmp_path):
+    """The clear façade keeps the states of its groups, and the film's side has none."""
+    east = '[facade.east]\nstrips = [{ bottom = 0.9, top = 2.7, material = "fabric" }]\n'
+    groups = '[groups.south]\npanes = ["glass"]\nstates = ["fabric"]\n'
+    text = ROOM.format(name="corner", strips=CLEAR, more=east + groups)
+    (tmp_path / "corner.toml").write_text(text)
+    assert run("season", "corner.toml", "-o", "corner")[0] == 0
+    msda = json.loads((tmp_path / "corner" / "season.json").read_text())["msDA"]
+    design, clear, opening = (msda[name][2]["value"] for name in ("design", "clear", "opening"))
+    assert design <= opening
+    assert clear <= opening
+
+
 def test_season_without_glazing(run, tmp_path):
     text = ROOM.format(name="x", strips=CLEAR.replace("glass", "fabric"), more="")
     text = text.replace('type = "glazing"', 'type = "diffuser"')

@@ -56,7 +56,7 @@ def drawn(one, choice):
 
 def replicates(light, one, choice, panes=False, state="open"):
     """C by each replicate: of the choice by elements, and of the case by a simulation."""
-    facade, _ = light._facade(choice, follows=False)
+    facade, _ = light._fixed(choice)
     ours = facade.state("open", None, lambda share: None)
     planned = plan(one, light.daylight)
     scope = replace(planned.scope, pane_to_pane=panes and planned.scope.pane_to_pane)

@@ -4,6 +4,8 @@ marks, marked_light
     Marks of paths that met openings whose fill is left open; the light of such paths.
 weights
     Shares of elements at every time stamp, and the sums of their light.
+paths
+    Paths that met no opening, and light that openings send back; on paths, or solved on cells.
 scenes
     Scenes in which one opening with one fill lets light in, and their deposits.
 trace

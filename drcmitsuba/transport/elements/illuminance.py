@@ -24,11 +24,10 @@ from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.elements.marked_light import MarkedLight
+from drcmitsuba.transport.elements.paths import SentBack
 from drcmitsuba.transport.elements.scenes import Element
 from drcmitsuba.transport.elements.trace import ElementDeposit, ElementTrace
 from drcmitsuba.transport.elements.weights import BESIDES, HOURS, Year
-from drcmitsuba.transport.gather.marked_paths import MarkedPaths
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -66,19 +65,17 @@ def illuminance(
     trace = ElementTrace.of(
         case, openings, suns, accuracy, effects, channel=channel, wanted=wanted, sensors=sensors
     )
-    paths, shape = trace.paths, (len(trace.points), trace.paths.blocks)
-    marked = MarkedLight.by_replicate(paths.marked(), accuracy.replicates, shape)
     dr.flush_malloc_cache()  # rays take other sizes of memory than light does
     with ThreadPoolExecutor(1) as thread:  # sums while further light is traced
         before: list[Future[np.ndarray]] = []
-        for r, returned in enumerate(marked):
-            total, job = _Sums.of(year, paths, paths.matrix(r), returned), None
+        for r in range(accuracy.replicates):
+            total, job = _Sums.of(year, trace, r), None
             for i, (element, light) in enumerate(_lit(trace, r), 1):
                 sky, by_sun = light.cells.sky.numpy(), _by_bin(light.cells.sun)
                 if job is not None:
                     job.result()  # the light of one element waits at most
-                number, sensors_lit = element.number, light.direct[0]
-                job = thread.submit(total.add, number, element.bins, sensors_lit, sky, by_sun)
+                lit = element.number, element.bins, light.direct[0]
+                job = thread.submit(total.add, *lit, sky, by_sun)
                 progress((r + i / (len(trace.elements) + 1)) / accuracy.replicates)
             dr.flush_malloc_cache()
             before.append(thread.submit(total.gathered))
@@ -106,23 +103,23 @@ class _Sums:
     year: Year
     G: csr_matrix | np.ndarray
     """G₀."""
-    means: csr_matrix
-    """Means over blocks of cells; a matrix, since only one thread may use the device."""
-    returned: MarkedLight
+    onto_blocks: csr_matrix | np.ndarray
+    """Light of blocks from cells; a matrix, since only one thread may use the device."""
+    returned: SentBack
     E: np.ndarray
     """E of the sensors without paths from the suns' light on cells [lx], shape (time, sensor)."""
     by_sky: np.ndarray
-    """D of blocks of cells by ground and sky [lx], shape (time, block)."""
+    """Light on blocks of cells by ground and sky [lx], shape (time, block)."""
     by_suns: np.ndarray
     """D of cells by the suns [lx], shape (time, cell)."""
 
     @classmethod
-    def of(
-        cls, year: Year, paths: MarkedPaths, G: csr_matrix | np.ndarray, returned: MarkedLight
-    ) -> _Sums:
+    def of(cls, year: Year, trace: ElementTrace, replicate: int) -> _Sums:
         """Begin without light."""
-        dark = (year.dark(n) for n in (*returned.shape, paths.cells.count))
-        return cls(year, G, paths.means, returned, *dark)
+        paths = trace.paths
+        sizes = len(trace.points), paths.blocks, paths.gathered.cells.count
+        G, onto_blocks = paths.matrix(replicate), paths.onto_blocks(replicate)
+        return cls(year, G, onto_blocks, paths.returned(replicate), *map(year.dark, sizes))
 
     def add(
         self, element: int, bins: np.ndarray, sensors: np.ndarray, sky: np.ndarray,
@@ -143,14 +140,14 @@ class _Sums:
         """
         year, patches = self.year, sky.shape[1]
         year.add_sky(self.E, element, (sensors[:, :patches] + self.G @ sky).T)
-        year.add_sky(self.by_sky, element, (self.means @ sky).T)
+        year.add_sky(self.by_sky, element, (self.onto_blocks @ sky).T)
         year.add_suns(self.E, element, bins, np.ascontiguousarray(sensors[:, patches:].T))
         year.add_suns(self.by_suns, element, bins, by_sun)
 
     def gathered(self) -> np.ndarray:
         """Add what paths gather of the suns' light on cells: E (time, sensor) [lx]."""
         _gather(self.E, self.G, self.by_suns)
-        D = self.by_sky + (self.means @ self.by_suns.T).T
+        D = self.by_sky + (self.onto_blocks @ self.by_suns.T).T
         self.returned.add(self.E, D, self.year)
         return self.E
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,9 +21,8 @@ import xarray as xr
 from drcmitsuba.case.groups import GroupStates
 from drcmitsuba.schema import mean_and_error
 from drcmitsuba.transport.coefficient_arrays import with_values, without_values
-from drcmitsuba.transport.elements.marked_light import MarkedLight
+from drcmitsuba.transport.elements.paths import SentBack
 from drcmitsuba.transport.elements.weights import BESIDES, Year, chosen
-from drcmitsuba.transport.gather.marked_paths import MarkedVertices
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -44,7 +42,7 @@ class ElementLight:
     total: np.ndarray
     """C without light that met openings from inside [sr], likewise."""
     blocks: np.ndarray
-    """Mean D of blocks of cells [sr], (replicate, own bin, block)."""
+    """Light on blocks of cells by paths that met no opening [sr], (replicate, own bin, block)."""
 
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
@@ -69,8 +67,8 @@ class LightByElement:
     """Light that passes no opening."""
     elements: tuple[ElementLight, ...]
     """Light of every opening with every fill, opening by opening."""
-    marked: MarkedVertices
-    """Vertices of the paths that met openings."""
+    returned: tuple[SentBack, ...]
+    """Light that openings send back into the room, in every replicate."""
 
     @property
     def replicates(self) -> int:
@@ -81,13 +79,7 @@ class LightByElement:
     def nbytes(self) -> int:
         """Memory of the arrays [bytes]."""
         light = (a for e in (self.besides, *self.elements) for a in e.arrays)
-        return sum(a.nbytes for a in (*light, *self.marked))
-
-    @cached_property
-    def _marked(self) -> list[MarkedLight]:
-        """Marked vertices of every replicate."""
-        shape = len(self.positions), self.besides.blocks.shape[2]
-        return MarkedLight.by_replicate(self.marked, self.replicates, shape)
+        return sum(a.nbytes for a in light) + sum(back.nbytes for back in self.returned)
 
     def shares(self, indices: np.ndarray) -> np.ndarray:
         """Shares (…, element) of openings with one fill each, `indices` (…, opening)."""
@@ -117,8 +109,8 @@ class LightByElement:
         scatters = any(light.direct is not light.straight for light, _ in some)
         direct = self._sum(some, "direct") if scatters else lit
         total, D = self._sum(some, "total"), self._sum(some, "blocks")
-        for r, marked in enumerate(self._marked):
-            total[r] += D[r] @ marked.weighed(shares).T
+        for r, returned in enumerate(self.returned):
+            total[r] += D[r] @ returned.weighed(shares).T
         data = {}
         parts = {"straight": lit, "direct": direct, "interreflected": total - direct}
         for name, values in parts.items():
@@ -152,11 +144,12 @@ class LightByElement:
             E [lx].
         """
         year = Year.of(L, shares, self.sky_bins)
-        for r, marked in enumerate(self._marked):
-            E, D = (year.dark(n) for n in marked.shape)
+        receivers = len(self.positions), self.besides.blocks.shape[2]
+        for r, returned in enumerate(self.returned):
+            E, D = (year.dark(n) for n in receivers)
             for number in year.hours:
                 light = self.light(number)
                 year.add(E, number, light.bins, light.total[r])
                 year.add(D, number, light.bins, light.blocks[r])
-            marked.add(E, D, year)
+            returned.add(E, D, year)
             yield E

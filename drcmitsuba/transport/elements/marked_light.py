@@ -39,6 +39,11 @@ class MarkedLight:
         each = (np.flatnonzero(replicate == r) for r in range(replicates))
         return [cls(sensor[at], marked.block[at], marked.weight[at], met[at], shape) for at in each]
 
+    @property
+    def nbytes(self) -> int:
+        """Memory of the arrays [bytes]."""
+        return sum(a.nbytes for a in (self.sensor, self.block, self.weight, self.met))
+
     def weighed(self, shares: np.ndarray) -> np.ndarray:
         """G_m of the sensors from the blocks (sensor, block), with shares (element,)."""
         factor = np.append(shares, np.float32(1))[self.met].prod(axis=1)

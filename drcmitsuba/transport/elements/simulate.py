@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from drcmitsuba.case.accuracy import Accuracy
@@ -15,6 +17,8 @@ from drcmitsuba.transport.elements.light import ElementLight, LightByElement
 from drcmitsuba.transport.elements.scenes import Element
 from drcmitsuba.transport.elements.trace import ElementDeposit, ElementTrace
 
+Matrix = Any
+"""Matrix of SciPy or NumPy."""
 MOST_BYTES = 12 << 30
 """Largest memory of light by element [bytes]."""
 TOGETHER = 1 << 26
@@ -48,15 +52,16 @@ def compute(
     every = (trace.besides, *trace.elements)
     _check_size(case, trace, [3 * len(element.bins) for element in every])
     lights = [_empty(trace, element) for element in every]
-    rows = max(trace.paths.cells.count, len(trace.points))
+    rows = max(trace.paths.gathered.cells.count, len(trace.points))
     step = max(1, TOGETHER // (rows * len(trace.labels)))
     for start in range(0, accuracy.replicates, step):
         some = range(start, min(start + step, accuracy.replicates))
-        G, besides = [trace.paths.matrix(r) for r in some], trace.beside(some)
+        G = [(trace.paths.matrix(r), trace.paths.onto_blocks(r)) for r in some]
+        besides = trace.beside(some)
         if besides is not None:
-            _fill(lights[0], trace, some, besides, G)
+            _fill(lights[0], some, besides, G)
         for i, (element, light) in enumerate(zip(every[1:], lights[1:], strict=True), 1):
-            _fill(light, trace, some, trace.deposited(element, some, besides), G)
+            _fill(light, some, trace.deposited(element, some, besides), G)
             progress((start + len(some) * i / len(trace.elements)) / accuracy.replicates)
     return LightByElement(
         openings=trace.openings,
@@ -65,7 +70,7 @@ def compute(
         sky_bins=trace.sky_bins,
         besides=lights[0],
         elements=tuple(lights[1:]),
-        marked=trace.paths.marked(),
+        returned=tuple(map(trace.paths.returned, range(accuracy.replicates))),
     )
 
 
@@ -83,20 +88,17 @@ def _empty(trace: ElementTrace, element: Element) -> ElementLight:
 
 
 def _fill(
-    light: ElementLight,
-    trace: ElementTrace,
-    some: range,
-    deposited: ElementDeposit,
-    G: list[np.ndarray],
-) -> None:
-    """Write the light of some replicates, gathered by the paths G₀ of each."""
+    light: ElementLight, some: range, deposited: ElementDeposit,
+    gather: list[tuple[Matrix, Matrix]],
+) -> None:  # fmt: skip
+    """Write the light of some replicates, gathered by the matrices of each."""
     by_cell = deposited.cells.numpy()
     D = by_cell.reshape(len(some), -1, by_cell.shape[1])
-    parts = zip(some, deposited.straight, deposited.direct, D, G, strict=True)
-    for r, straight, direct, cells, gathers in parts:
+    parts = zip(some, deposited.straight, deposited.direct, D, gather, strict=True)
+    for r, straight, direct, cells, (onto_sensors, onto_blocks) in parts:
         light.straight[r], light.direct[r] = straight.T, direct.T
-        light.total[r] = (direct + gathers @ cells).T
-        light.blocks[r] = (trace.paths.means @ cells).T
+        light.total[r] = (direct + onto_sensors @ cells).T
+        light.blocks[r] = (onto_blocks @ cells).T
 
 
 def _check_size(case: Case, trace: ElementTrace, arrays: list[int]) -> None:

@@ -23,9 +23,9 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import HIDDEN, GroupStates
+from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
-from drcmitsuba.runtime.launch_size import PATHS, SENSORS
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
@@ -35,9 +35,8 @@ from drcmitsuba.scene.panes_in_state import grouped_panes, groups_with_surfaces
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.elements.marks import MOST_ELEMENTS, OpeningMarks
+from drcmitsuba.transport.elements.paths import ElementPaths, paths_of
 from drcmitsuba.transport.elements.scenes import Element, elements_of_case
-from drcmitsuba.transport.gather.blocks import Gathered
-from drcmitsuba.transport.gather.marked_paths import MarkedPaths
 from drcmitsuba.transport.light.irradiance import Irradiance
 from drcmitsuba.transport.rays.openings import Within, within_of
 from drcmitsuba.transport.rays.straight_suns import Disks, sensor_numbers
@@ -88,7 +87,7 @@ class ElementTrace:
     sky_bins: int
     """Number of bins of ground and sky, which come first."""
     accuracy: Accuracy
-    paths: MarkedPaths
+    paths: ElementPaths
     besides: Element
     """Light that passes no opening."""
     elements: tuple[Element, ...]
@@ -146,16 +145,17 @@ class ElementTrace:
         corners = np.concatenate([hidden.corners, *(each.quads.reshape(-1, 3) for each in panes)])
         full = mi.load_dict({"type": "scene", **shapes}, optimize=False)
         world = hidden.searched(full=full, corners=corners)
-        gathered = Gathered.of(
-            world, points, normals, accuracy, block=SENSORS, lanes=PATHS, marks=marks
-        )
+        # What a film sends back by its lobes is followed on paths.
+        is_even = not any(isinstance(m, BsdfMaterial) for each in panes for m in each.materials)
+        on_cells = effects.solved_cells and is_even
+        paths = paths_of(world, points, normals, accuracy, marks, on_cells=on_cells)
         labels = (*Patches(case.sky.subdivision).labels, *suns.labels)
         besides, *elements = elements_of_case(
             case, openings, panes, suns, points, normals, accuracy, effects, channel, wanted
         )
         return cls(
             groups, points, normals, points + origin(case), labels, len(labels) - len(suns.labels),
-            accuracy, MarkedPaths(gathered, len(points)), besides, tuple(elements),
+            accuracy, paths, besides, tuple(elements),
         )  # fmt: skip
 
     def beside(self, replicates: range) -> ElementDeposit | None:

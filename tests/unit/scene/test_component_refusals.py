@@ -3,7 +3,6 @@
 import pytest
 
 from drcmitsuba.annual import attributes
-from drcmitsuba.annual.season import season
 from drcmitsuba.annual.tradeoff import tradeoff
 from drcmitsuba.annual.variants import evaluate_variants
 from drcmitsuba.design.film_year import FilmYear
@@ -101,7 +100,6 @@ def test_structures_that_do_not_fit_are_refused(tmp_path, text, changes, message
 
 
 TASKS = {
-    "season": season,
     "variants": lambda room: list(evaluate_variants([room])),
     "optimise": Layout.of,
     "film": FilmYear.of,

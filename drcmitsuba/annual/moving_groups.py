@@ -1,0 +1,162 @@
+"""Groups of a façade that change their state in a year, as shares of fills in their openings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from drcmitsuba.annual.choice import ChosenFills, Mixtures
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import OPEN, OTHERS, SHADED, GroupStates
+from drcmitsuba.case.schedule import HOURS, Schedule, hour_of_year, schedule_of
+from drcmitsuba.model.materials import GlazingMaterial
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import shortened
+from drcmitsuba.scene.fills import clear_panes
+from drcmitsuba.scene.pane_groups import PaneGroups
+
+
+@dataclass(frozen=True, eq=False)
+class MovingGroup:
+    """Openings that change their fill together: by the case, or by a choice for every hour."""
+
+    name: str
+    states: tuple[str, ...]
+    parts: tuple[tuple[int, np.ndarray], ...]
+    """Openings, each with the shares of its fills in every state, (state, fill)."""
+    by_hour: np.ndarray | None = None
+    """State in the hours of a year, int, (8760,); None where the rule of the shade tells it."""
+
+
+@dataclass(frozen=True, eq=False)
+class MovingGroups:
+    """All groups that move, and the others, which have one state."""
+
+    groups: tuple[MovingGroup, ...]
+    openings: GroupStates
+    """Openings of the case and their fills."""
+
+    @property
+    def states(self) -> GroupStates:
+        """Groups and their states as the attributes of C hold them."""
+        every = self.groups
+        states = GroupStates(tuple(g.name for g in every), tuple(g.states for g in every))
+        moved = {opening for group in every for opening, _ in group.parts}
+        if len(moved) == len(self.openings) or states == GroupStates.of_shade():
+            return states
+        return GroupStates((*states.names, OTHERS), (*states.states, (OPEN,)))
+
+    @property
+    def schedule(self) -> Schedule:
+        """States of the groups that have one for every hour."""
+        by_hour = {k: g.by_hour for k, g in enumerate(self.groups) if g.by_hour is not None}
+        return Schedule(by_hour, len(self.states) if self.groups else 0)
+
+    def number_of(self, opening: int) -> int:
+        """Group of an opening."""
+        for k, group in enumerate(self.groups):
+            if any(opening == own for own, _ in group.parts):
+                return k
+        return len(self.groups)
+
+    def shares(self, still: np.ndarray, indices: np.ndarray) -> np.ndarray:
+        """Shares of all elements (…, element).
+
+        Parameters
+        ----------
+        still : np.ndarray, shape (element,)
+            Shares of all elements where no group moves.
+        indices : np.ndarray of int, shape (…, group)
+            State of every group.
+        """
+        out = np.broadcast_to(still, (*indices.shape[:-1], len(still))).copy()
+        for k, group in enumerate(self.groups):
+            for opening, table in group.parts:
+                first = self.openings.starts[opening]
+                out[..., first : first + table.shape[1]] = table[indices[..., k]]
+        return out
+
+
+def moving_groups(
+    case: Case, panes: PaneGroups, chosen: ChosenFills, drawn: Mapping[int, np.ndarray],
+    time: xr.DataArray,
+) -> MovingGroups:  # fmt: skip
+    """Groups of a case, and openings whose fill is chosen by the hour.
+
+    Parameters
+    ----------
+    panes : PaneGroups
+        Openings of the case: its groups come first, in their order.
+    chosen : ChosenFills
+        Fills of the openings that do not follow the case.
+    drawn : mapping
+        Shares (fill,) of what stands in openings while they are open, by their index, in place of
+        what the case draws.
+    time : xr.DataArray
+        Time stamps of the choice.
+
+    Raises
+    ------
+    InputError
+        The shade is no fill of an opening that it covers, or fills change within an hour.
+    """
+    names = panes.states
+    first = {g: drawn.get(g, np.eye(1, len(s), dtype=np.float32)[0])
+             for g, s in enumerate(names.states)}  # fmt: skip
+    by_case = _of_table if case.groups else _of_shade
+    moving = by_case(case, panes, {g: row for g, row in first.items() if g not in chosen.named})
+    for g, mixtures in chosen.hourly.items():
+        by_hour = _hours(names.names[g], mixtures, time)
+        moving.append(MovingGroup(names.names[g], mixtures.names, ((g, mixtures.shares),), by_hour))
+    return MovingGroups(tuple(moving), names)
+
+
+def _of_table(case: Case, panes: PaneGroups, first: Mapping[int, np.ndarray]) -> list[MovingGroup]:
+    """Groups of `[groups]`, whose open state has the shares `first`."""
+    own = PaneGroups.of(case)
+    schedule, moving = schedule_of(case.groups, own.states), []
+    for g, (name, states) in enumerate(zip(own.states.names, own.states.states, strict=True)):
+        if len(states) > 1 and g in first and own.facings[g]:
+            table = np.eye(len(states), len(panes.states.states[g]), dtype=np.float32)
+            table[0] = first[g]
+            moving.append(MovingGroup(name, states, ((g, table),), schedule.of_group.get(g)))
+    return moving
+
+
+def _of_shade(case: Case, panes: PaneGroups, first: Mapping[int, np.ndarray]) -> list[MovingGroup]:
+    """Openings whose clear parts the shade covers, facing by facing."""
+    if case.shading is None:
+        return []
+    by_facing: dict[str, list[tuple[int, np.ndarray]]] = {}
+    clear_as_drawn = clear_panes(case, panes)
+    for g, row in first.items():
+        further = [m is None or isinstance(m, GlazingMaterial) for m in panes.materials[g]]
+        clear = np.array([clear_as_drawn[g], *further])
+        if not row[clear].any():
+            continue
+        fills, shade = panes.states.states[g], case.shading.material
+        if shade not in fills[1:]:
+            got = f"the shade {shortened(shade)} covers {shortened(panes.states.names[g])}"
+            raise InputError("drawn", panes.states.names[g], got, "name it among its fills")
+        closed = np.where(clear, 0, row)
+        closed[fills.index(shade)] += row[clear].sum()
+        for facing in panes.facings[g][:1]:
+            by_facing.setdefault(facing, []).append((g, np.stack([row, closed])))
+    if len(by_facing) < 2 or case.shading.groups == "together":
+        parts = tuple(part for of_facing in by_facing.values() for part in of_facing)
+        shade_of_all = GroupStates.of_shade()
+        return [MovingGroup(shade_of_all.names[0], shade_of_all.states[0], parts)] if parts else []
+    return [MovingGroup(name, (OPEN, SHADED), tuple(p)) for name, p in by_facing.items()]
+
+
+def _hours(opening: str, mixtures: Mixtures, time: xr.DataArray) -> np.ndarray:
+    """Mixture in the hours of a year, int, (8760,)."""
+    hour, by_hour = hour_of_year(time), np.zeros(HOURS, int)
+    by_hour[hour] = mixtures.index
+    if (by_hour[hour] != mixtures.index).any():
+        got = "different fills within an hour"
+        raise InputError("choice", opening, got, "keep one for the whole hour")
+    return by_hour

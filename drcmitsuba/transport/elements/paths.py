@@ -1,0 +1,279 @@
+r"""Paths that gather the light of elements: those that met no opening, and those that did.
+
+On paths that follow all bounces, G₀ and G_m are sums over them. Where light between surfaces is
+solved on cells, the paths of sensors end at their first surface, and rays between cells take over:
+with T₀ and G₁ those that met no opening, t_e and g_e those that met the element e, and X the light
+on blocks of cells after all reflections,
+
+.. math:: X = X_0 + M \sum_e w_e t_e X, \qquad
+          E = S + G_0 D + G_1 P \, (X - X_0) + \sum_e w_e g_e X
+
+where M sums all bounces between blocks that meet no opening, X₀ is what they give, and P gives
+every cell the value of its block.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Protocol
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.runtime import lazy
+from drcmitsuba.runtime.launch_size import PATHS, SENSORS
+from drcmitsuba.scene.scene import Scene
+from drcmitsuba.transport.cells.cells import Cells
+from drcmitsuba.transport.elements.marked_light import MarkedLight
+from drcmitsuba.transport.elements.marks import elements_of
+from drcmitsuba.transport.elements.weights import Year
+from drcmitsuba.transport.gather.blocks import Gathered
+from drcmitsuba.transport.gather.marked_paths import MarkedPaths
+from drcmitsuba.transport.gather.paths import Marks
+from drcmitsuba.transport.interreflection.solved_cells import Transfer, solved
+from drcmitsuba.transport.light.products import Columns, PathMatrix
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+sparse = lazy.module("scipy.sparse")
+
+MOST_PAIRS = 1 << 28
+"""Largest number of pairs of a sensor and a cell that a matrix holds; beyond it, paths are kept."""
+RETURNS = 3
+"""Times that light is sent back by openings; what returns more often, some 10⁻⁵ of E, is lost."""
+
+
+class SentBack(Protocol):
+    """Light that openings send back into the room, in one replicate."""
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the arrays [bytes]."""
+
+    def weighed(self, shares: np.ndarray) -> np.ndarray:
+        """Light that sensors get of light on blocks (sensor, block), with shares (element,)."""
+
+    def add(self, E: np.ndarray, D: np.ndarray, year: Year) -> None:
+        """Add to E (time, sensor) [lx] what returns of light D (time, block) [lx] in a year."""
+
+
+class ElementPaths(Protocol):
+    """Paths of all sensors."""
+
+    @property
+    def gathered(self) -> Gathered:
+        """Paths as they were traced, and the cells that they met."""
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks of cells."""
+
+    def matrix(self, replicate: int) -> csr_matrix | np.ndarray:
+        """G₀ of the sensors from the cells, shape (sensor, cell)."""
+
+    def onto_blocks(self, replicate: int) -> csr_matrix | np.ndarray:
+        """Light of blocks from D of the cells, without openings, shape (block, cell)."""
+
+    def returned(self, replicate: int) -> SentBack:
+        """Light that openings send back."""
+
+
+def paths_of(
+    world: Scene, points: np.ndarray, normals: np.ndarray, accuracy: Accuracy, marks: Marks, *,
+    on_cells: bool,
+) -> ElementPaths:  # fmt: skip
+    """Trace the paths of sensors.
+
+    Parameters
+    ----------
+    world : Scene
+        Scene with the openings, whose fill `marks` draws.
+    points, normals : np.ndarray, shape (sensor, 3)
+        Positions [m] and unit normals.
+    on_cells : bool
+        Whether light between surfaces may be solved on cells.
+    """
+    if on_cells:
+        gathered = Gathered.of(
+            world, points, normals, accuracy, block=SENSORS, lanes=PATHS, marks=marks, once=True
+        )
+        if gathered.cells.count:
+            gathered, transfer = solved(world, gathered, accuracy, marks)
+            if gathered.cells.count * len(points) <= MOST_PAIRS:
+                return SolvedPaths(gathered, transfer, len(points), accuracy.paths)
+    gathered = Gathered.of(
+        world, points, normals, accuracy, block=SENSORS, lanes=PATHS, marks=marks
+    )
+    return FollowedPaths(gathered, len(points), accuracy.replicates)
+
+
+@dataclass(frozen=True)
+class FollowedPaths:
+    """Paths that follow all bounces."""
+
+    gathered: Gathered
+    sensors: int
+    replicates: int
+
+    @cached_property
+    def _marked(self) -> MarkedPaths:
+        return MarkedPaths(self.gathered, self.sensors)
+
+    @cached_property
+    def _returned(self) -> list[MarkedLight]:
+        shape = self.sensors, self.blocks
+        return MarkedLight.by_replicate(self._marked.marked(), self.replicates, shape)
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks of cells."""
+        return self._marked.blocks
+
+    def matrix(self, replicate: int) -> csr_matrix | np.ndarray:
+        """G₀, see `ElementPaths`."""
+        return self._marked.matrix(replicate)
+
+    def onto_blocks(self, replicate: int) -> csr_matrix:
+        """Shares of cells in the means over blocks, the same in all replicates."""
+        return self._marked.means
+
+    def returned(self, replicate: int) -> MarkedLight:
+        """Paths with marks."""
+        return self._returned[replicate]
+
+
+@dataclass(frozen=True)
+class SolvedPaths:
+    """Paths that end at their first surface, and rays between cells."""
+
+    gathered: Gathered
+    transfer: Transfer
+    """T with the mark of every ray."""
+    sensors: int
+    paths: int
+    """Number of paths of a sensor in a replicate."""
+
+    @property
+    def cells(self) -> Cells:
+        """All cells."""
+        return self.gathered.cells
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks of cells."""
+        return self.transfer.blocks.count
+
+    @cached_property
+    def _shut(self) -> Transfer:
+        """T of the rays that met no opening."""
+        bounces = tuple(
+            one._replace(weight=dr.select(mark == 0, one.weight, 0))
+            for one, mark in zip(self.transfer.bounces, self.transfer.marks, strict=True)
+        )
+        dr.eval(bounces)
+        return replace(self.transfer, bounces=bounces, marks=())
+
+    @cached_property
+    def _means(self) -> csr_matrix:
+        """W, shares of cells in the means over blocks, shape (block, cell)."""
+        of, share = self.transfer.blocks.of.numpy(), self.transfer.blocks.share.numpy()
+        place = of, np.arange(len(of))
+        return sparse.csr_matrix((share, place), (self.blocks, len(of)))
+
+    def matrix(self, replicate: int) -> np.ndarray:
+        """G₀ of all bounces, see `ElementPaths`."""
+        cells, here = self.cells.count, range(replicate, replicate + 1)
+        every = Columns(dr.arange(mi.UInt32, cells), 0, cells, 1)
+        rows = []
+        for some in self.gathered.blocks:
+            met, count = self.gathered.met(some), some.stop - some.start
+            assert met.mark is not None
+            weight = dr.select(met.mark == 0, met.weight, 0)
+            first = PathMatrix(met.cell, weight, self.paths, count, 1, replicate)
+            to_cells, onward = self._shut.followed(here, first, some)
+            rows.append((to_cells.columns(every) + onward(every)).numpy())
+        return np.concatenate(rows)
+
+    def onto_blocks(self, replicate: int) -> np.ndarray:
+        """W + M·W·T₀, see `ElementPaths`."""
+        T = self._shut.matrix(replicate)
+        return np.asarray(self._all_bounces(replicate) @ (self._means @ T) + self._means)
+
+    def returned(self, replicate: int) -> SolvedReturn:
+        """Rays with marks, from sensors and from cells."""
+        of = self.transfer.blocks.of.numpy()
+        source, cell, weight = (a.numpy() for a in self.transfer.bounces[replicate])
+        mark = self.transfer.marks[replicate].numpy()
+        here = np.flatnonzero((mark > 0) & (weight > 0))
+        share = self._means.data  # of every cell: each is in one block
+        order = np.argsort(self._means.indices)
+        between = MarkedLight(
+            of[source[here]], of[cell[here]], weight[here] * share[order][source[here]],
+            elements_of(mark[here]), (self.blocks, self.blocks),
+        )  # fmt: skip
+        onto, from_sensors = self._of_sensors(replicate, of)
+        return SolvedReturn(self._all_bounces(replicate), between, onto, from_sensors)
+
+    def _all_bounces(self, replicate: int) -> np.ndarray:
+        """M, shape (block, block)."""
+        return np.asarray(self._shut.all_bounces(range(replicate, replicate + 1)).numpy())
+
+    def _of_sensors(self, replicate: int, of: np.ndarray) -> tuple[csr_matrix, MarkedLight]:
+        """Paths of the sensors in a replicate: G₁·P, and those with marks."""
+        parts = []
+        for some in self.gathered.blocks:
+            met, count = self.gathered.met(some), some.stop - some.start
+            assert met.mark is not None
+            each = slice(replicate * count * self.paths, (replicate + 1) * count * self.paths)
+            sensor = np.repeat(np.arange(some.start, some.stop), self.paths)
+            cell, weight, mark = (a.numpy()[each] for a in (met.cell, met.weight, met.mark))
+            there = weight > 0
+            parts.append([a[there] for a in (sensor, of[cell], weight, mark)])
+        sensor, block, weight, mark = (np.concatenate(a) for a in zip(*parts, strict=True))
+        shape, back = (self.sensors, self.blocks), mark > 0
+        place = sensor[~back], block[~back]
+        onto = sparse.csr_matrix((weight[~back], place), shape)
+        by_mark = elements_of(mark[back])
+        marked = MarkedLight(sensor[back], block[back], weight[back], by_mark, shape)
+        return onto, marked
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedReturn:
+    """Light that openings send back, where light between surfaces is solved on cells."""
+
+    bounces: np.ndarray
+    """M, shape (block, block)."""
+    between: MarkedLight
+    """t, rays from block to block by way of openings."""
+    onto: csr_matrix
+    """G₁·P, shape (sensor, block)."""
+    sensors: MarkedLight
+    """g, paths from sensors to blocks by way of openings."""
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the arrays [bytes]."""
+        light = self.between.nbytes + self.sensors.nbytes
+        return light + self.bounces.nbytes + self.onto.data.nbytes + self.onto.indices.nbytes
+
+    def weighed(self, shares: np.ndarray) -> np.ndarray:
+        """Light of sensors from blocks, see `SentBack`."""
+        once = self.bounces @ self.between.weighed(shares)
+        whole = np.linalg.inv(np.eye(len(once)) - once).astype(np.float32)
+        return np.asarray((self.onto @ once + self.sensors.weighed(shares)) @ whole)
+
+    def add(self, E: np.ndarray, D: np.ndarray, year: Year) -> None:
+        """Add the light of a year, see `SentBack`."""
+        X, back = D, np.zeros_like(D)
+        for _ in range(RETURNS):
+            sent = np.zeros_like(D)
+            self.between.add(sent, X, year)
+            back = sent @ self.bounces.T
+            X = D + back
+        E += (self.onto @ back.T).T
+        self.sensors.add(E, X, year)
