@@ -1,9 +1,9 @@
-"""Rows of a study that differ in their façades: metrics of all of them from one façade basis.
+"""Rows of a study that differ in their façades: metrics of all of them from one simulation.
 
 rows   ─ together ────► lists of rows that may share a basis: one room, sky, shade, place of windows
 list   ─ jobs ────────► parts whose basis fits in memory
 part   ─ alike ───────► their cases, with one name for each material
-       ─ SharedBasis ─► metrics of each row, by its own thresholds
+       ─ SharedElements ─► metrics of each row, by its own thresholds
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from itertools import chain, count
 from typing import Any
 
 from drcmitsuba.annual.result import Result
-from drcmitsuba.annual.variants import SharedBasis
+from drcmitsuba.annual.variants import SharedElements
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.facade import Facade
 from drcmitsuba.case.shading import AREA, THRESHOLD
@@ -26,9 +26,11 @@ from drcmitsuba.model.materials import Material
 from drcmitsuba.runtime.content_key import content_key
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, part
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.tiled_facades import TiledVariants, refuse_unlike
 from drcmitsuba.sky.daylight import Daylight, daylight
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport import facade_basis
+from drcmitsuba.transport import elements as by_element
 
 LEAST = 6
 """Least number of different façades for which a basis is made; fewer cost less one by one."""
@@ -120,9 +122,9 @@ class FacadesJob:
 
         @contextmanager
         def stage(name: str) -> Iterator[Progress]:
-            yield part(progress, 0.0, 0.5 * (name == "façade basis"))
+            yield part(progress, 0.0, 0.5 * (name == "elements"))
 
-        shared = SharedBasis.of(alike(self.cases), stage, light)
+        shared = SharedElements.of(alike(self.cases), stage, light)
         judged = deque[Future[Result]]()
         with ThreadPoolExecutor(1) as thread:  # one row is judged while C of the next is summed
             for done, number in enumerate(self.wanted):
@@ -163,10 +165,10 @@ def jobs(cases: Sequence[Case], suns: Suns) -> list[FacadesJob]:
 def _fits(cases: Sequence[Case], suns: Suns) -> bool:
     first = cases[0]
     try:
-        wall, tiles, palette, _ = facade_basis.of_variants(cases)
-    except InputError:  # too many elements; or of a row, which tells so when evaluated by itself
+        refuse_unlike(cases)
+        tiled = TiledVariants.of(cases)
+    except InputError:  # of a row, which tells so when it is evaluated by itself
         return False
-    size = facade_basis.memory(
-        wall, tiles, palette, suns, first.accuracy, subdivision=first.sky.subdivision
-    )
+    sensors, subdivision = len(sensor_points(first)[0]), first.sky.subdivision
+    size = by_element.memory(tiled.panes.states, suns, first.accuracy, sensors, subdivision)
     return size < MEMORY

@@ -8,25 +8,24 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-import xarray as xr
-
-from drcmitsuba.annual.attributes import attributes
+from drcmitsuba.annual.choice import ChosenFills
+from drcmitsuba.annual.chosen_facade import ChosenFacade
 from drcmitsuba.annual.result import Result, summed_up
 from drcmitsuba.annual.run import Run
+from drcmitsuba.annual.simulated_year import SimulatedYear, simulated_year
+from drcmitsuba.annual.summed_year import accuracy_of
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.groups import SHADED
 from drcmitsuba.case.reading import load_case
-from drcmitsuba.case.sun import Adaptive
-from drcmitsuba.metrics import illuminance
-from drcmitsuba.metrics.coefficients_by_state import Coefficients
-from drcmitsuba.metrics.evaluate_metrics import evaluate_metrics, may_close
+from drcmitsuba.metrics.evaluate_metrics import evaluate_metrics
 from drcmitsuba.plan import Plan, notes, plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.progress import Stage, silent
+from drcmitsuba.runtime.progress import Stage, part, silent
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.enabled_effects import EnabledEffects
+from drcmitsuba.scene.tiled_facades import TiledVariants, refuse_unlike
 from drcmitsuba.sky.daylight import Daylight, daylight_and_year
-from drcmitsuba.transport import facade_basis
+from drcmitsuba.transport import elements as by_element
 
 
 def load_variants(path: str, names: Sequence[str]) -> list[Case]:
@@ -50,14 +49,15 @@ def load_variants(path: str, names: Sequence[str]) -> list[Case]:
 
 
 @dataclass(frozen=True)
-class SharedBasis:
-    """Façade basis of several cases, each of which gets its result from it."""
+class SharedElements:
+    """Light by element of several cases, each of which gets its result from it."""
 
     cases: Sequence[Case]
     light: Daylight
-    basis: facade_basis.Basis
-    shares: list[np.ndarray]
-    """Composition of each case, shape (tile, material)."""
+    tiled: TiledVariants
+    scope: EnabledEffects
+    """Effects that were simulated: those that any of the cases calls for."""
+    channels: tuple[by_element.LightByElement, ...]
     remarks: list[list[str]]
     """Notes on the films and the shade of each case."""
     run: Run
@@ -65,13 +65,13 @@ class SharedBasis:
     @classmethod
     def of(
         cls, cases: Sequence[Case], stage: Stage = silent, light: Daylight | None = None
-    ) -> SharedBasis:
-        """Simulate the façade basis of cases that differ in their façades only.
+    ) -> SharedElements:
+        """Simulate the light of cases that differ in their façades only, by tile and fill.
 
         Parameters
         ----------
         cases : sequence of Case
-            Cases with windows in one side of the room.
+            Cases of a room of boxes.
         stage : callable, optional
         light : Daylight, optional
             Daylight of the cases; by default computed.
@@ -79,32 +79,31 @@ class SharedBasis:
         Raises
         ------
         InputError
-            The cases cannot share a basis: they differ in more than façades, are coloured, have a
-            target or an adaptive sun, or need more memory than `facade_basis.MOST_BYTES`.
+            The cases cannot share a simulation: they differ in more than façades, have groups, a
+            structure in a strip, a target or an adaptive sun, or need more memory than there is.
         """
         backend.select()
         first = cases[0]
-        for case in cases:
-            case.refuse_components("a comparison of façades")
-            case.refuse_groups("a comparison of façades")
-        if first.accuracy.sensor_goal is not None:
-            got = "a target for several façades at once"
-            raise InputError(first.source, "accuracy.target", got, "leave it out, or evaluate each")
-        if isinstance(first.sun, Adaptive):
-            raise InputError(first.source, "sun.model", "adaptive", "take another one for variants")
+        refuse_unlike(cases)
         run = replace(Run.of(first), stage=stage)
+        accuracy = accuracy_of(first, run)
         with run.timed("sky"):
             remarks = [notes(case) for case in cases]  # reads the films' files, which may be unfit
             light = daylight_and_year(first) if light is None else light
-            wall, tiles, palette, shares = facade_basis.of_variants(cases)
-        with run.timed("façade basis") as done:
-            basis = facade_basis.compute(
-                wall, tiles, palette, light.suns, first.accuracy,
-                subdivision=first.sky.subdivision, progress=done,
+            scope = _joined([plan(case, light).scope for case in cases])
+            tiled = TiledVariants.of(cases)
+        with run.timed("elements") as done:
+            numbers = scene.channels_of(tiled.case, scope)
+            channels = tuple(
+                by_element.compute(
+                    tiled.case, tiled.panes, light.suns, accuracy, scope, channel=number,
+                    progress=part(done, i / len(numbers), (i + 1) / len(numbers)),
+                )
+                for i, number in enumerate(numbers)
             )  # fmt: skip
-        return cls(cases, light, basis, shares, remarks, run)
+        return cls(cases, light, tiled, scope, channels, remarks, run)
 
-    def simulated(self, number: int, judged: Case | None = None) -> Simulated:
+    def simulated(self, number: int, judged: Case | None = None) -> SimulatedVariant:
         """Compute C of one of the cases, for its own rules of the metrics or those of another."""
         case = self.cases[number] if judged is None else judged
         run = replace(
@@ -112,73 +111,78 @@ class SharedBasis:
         )
         with run.timed(case.name):
             planned = plan(case, self.light)
-            run = replace(run, enabled_effects=planned.scope)
-            coefficients, direct = coefficients_of(self.basis, self.shares[number], planned)
-        return Simulated(planned, coefficients, direct, self.remarks[number], run)
+            run = replace(run, enabled_effects=planned.scope, stage=silent)
+            facade = ChosenFacade.of(
+                planned.simulated, self.tiled.panes, self.channels, self.light, planned.scope,
+                ChosenFills({}, {}), self.tiled.drawn[number],
+            )  # fmt: skip
+            year = simulated_year(facade, planned.simulated, self.light, run, facade.attributes)
+        return SimulatedVariant(planned.summed(), year, self.remarks[number], run)
 
 
 @dataclass(frozen=True)
-class Simulated:
-    """C of one case of a basis, from which another thread may take the result."""
+class SimulatedVariant:
+    """C of one case, from which another thread may take the result."""
 
     planned: Plan
-    coefficients: Coefficients
-    direct: xr.Dataset
+    year: SimulatedYear
     remarks: list[str]
     run: Run
 
     def result(self) -> Result:
         """Evaluate the metrics."""
-        case, light = self.planned.facts.case, self.planned.facts.light
-        start = time.perf_counter()
-        evaluated = evaluate_metrics(case, light, self.coefficients, self.direct)
+        case, year, start = self.planned.facts.case, self.year, time.perf_counter()
+        evaluated = evaluate_metrics(
+            case, year.daylight, year.coefficients, year.direct, year.shade
+        )
         self.run.seconds[case.name] += round(time.perf_counter() - start, 3)
-        return summed_up(self.planned, self.coefficients, evaluated, self.run, self.remarks)
+        result = summed_up(self.planned, year.coefficients, evaluated, self.run, self.remarks)
+        return replace(result, daylight=year.daylight)
 
 
-def evaluate_variants(
-    cases: Sequence[Case], stage: Stage = silent, judged: Sequence[Case] | None = None
-) -> Iterator[Result]:
-    """Evaluate several façades of one room from one façade basis.
+def evaluate_variants(cases: Sequence[Case], stage: Stage = silent) -> Iterator[Result]:
+    """Evaluate several façades of one room from one simulation.
 
     Parameters
     ----------
     cases : sequence of Case
-        Cases that differ in their façades only, with windows in one side of the room.
+        Cases of a room of boxes that differ in their façades only.
     stage : callable, optional
-    judged : sequence of Case, optional
-        The same cases with other rules for the metrics, such as no shade; default: `cases`.
 
     Yields
     ------
     Result
-        Result of each case; its seconds include those of the shared façade basis.
+        Result of each case; its seconds include those of the shared simulation.
 
     Raises
     ------
     InputError
-        As `SharedBasis.of`.
+        As `SharedElements.of`.
 
     Notes
     -----
     Variants share their light paths: the difference of two has a smaller error than either one.
     """
-    shared = SharedBasis.of(cases, stage)
-    for number, case in enumerate(judged or cases):
-        yield shared.simulated(number, case).result()
+    shared = SharedElements.of(cases, stage)
+    for number in range(len(cases)):
+        yield shared.simulated(number).result()
 
 
-def coefficients_of(
-    basis: facade_basis.Basis, share: np.ndarray, planned: Plan
-) -> tuple[Coefficients, xr.Dataset]:
-    """C of a façade, shaded only for hours in which the shade may close, and its direct sun."""
-    case, light = planned.facts.case, planned.facts.light
-    is_open = basis.coefficients(share)
-    marked = attributes(case, light, planned.scope)
-    coefficients = Coefficients(is_open.assign_attrs(marked))
-    every = illuminance.direct_sun(coefficients, light.every.sky)
-    direct = every if light.year is None else every.isel(time=light.rows)
-    if planned.simulated.shading is None or not may_close(case, light.step_hours, every).any():
-        return coefficients, direct
-    shaded = basis.coefficients(share @ basis.palette.closing)
-    return Coefficients(coefficients.open, {SHADED: shaded}), direct
+def _joined(scopes: Sequence[EnabledEffects]) -> EnabledEffects:
+    """Effects that any of several cases calls for."""
+
+    def some(name: str) -> bool:
+        return any(getattr(scope, name) for scope in scopes)
+
+    return replace(
+        scopes[0],
+        sun_visibility=None,  # each opening tells which suns face it
+        suns=some("suns"),
+        clear_panes=some("clear_panes"),
+        scattering_panes=some("scattering_panes"),
+        films=some("films"),
+        obstructions=some("obstructions"),
+        beyond=some("beyond"),
+        solved_cells=some("solved_cells"),
+        depth=0 if all(scope.depth == 0 for scope in scopes) else None,
+    )

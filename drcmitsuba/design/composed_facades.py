@@ -6,17 +6,20 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import xarray as xr
 
-from drcmitsuba.annual.variants import coefficients_of
+from drcmitsuba.annual.attributes import attributes
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import SHADED
 from drcmitsuba.case.sun import Adaptive, TrueSun
 from drcmitsuba.design import present_facade
 from drcmitsuba.design.layout import Layout
 from drcmitsuba.design.problem import FacadeProblem
 from drcmitsuba.design.realise import realise
-from drcmitsuba.metrics.evaluate_metrics import drawing
-from drcmitsuba.metrics.illuminance import illuminance
-from drcmitsuba.plan import plan
+from drcmitsuba.metrics.coefficients_by_state import Coefficients
+from drcmitsuba.metrics.evaluate_metrics import drawing, may_close
+from drcmitsuba.metrics.illuminance import direct_sun, illuminance
+from drcmitsuba.plan import Plan, plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
@@ -85,3 +88,19 @@ class Facades:
         E = illuminance(coefficients, light.sky, direct)
         E.attrs["step_hours"] = light.step_hours
         return Evidence(E, coefficients, light.sky, drawing(built), layout.case.source)
+
+
+def coefficients_of(
+    basis: Basis, share: np.ndarray, planned: Plan
+) -> tuple[Coefficients, xr.Dataset]:
+    """C of a façade, shaded only for hours in which the shade may close, and its direct sun."""
+    case, light = planned.facts.case, planned.facts.light
+    is_open = basis.coefficients(share)
+    marked = attributes(case, light, planned.scope)
+    coefficients = Coefficients(is_open.assign_attrs(marked))
+    every = direct_sun(coefficients, light.every.sky)
+    direct = every if light.year is None else every.isel(time=light.rows)
+    if planned.simulated.shading is None or not may_close(case, light.step_hours, every).any():
+        return coefficients, direct
+    shaded = basis.coefficients(share @ basis.palette.closing)
+    return Coefficients(coefficients.open, {SHADED: shaded}), direct

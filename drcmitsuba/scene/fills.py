@@ -94,6 +94,8 @@ def _apart(case: Case, own: PaneGroups) -> PaneGroups:
 
 def clear_panes(case: Case, openings: PaneGroups) -> list[bool]:
     """Whether a shade may cover what the case draws in every opening."""
+    if openings.drawn:
+        return [m is None or isinstance(m, GlazingMaterial) for m in openings.drawn]
     clear = [False] * len(openings)
     for panes in like_panes(case):
         clear[_opening_of(openings, panes)] |= panes.clear

@@ -201,10 +201,15 @@ def facade_quads(case: Case, side: Side, rectangles: np.ndarray) -> np.ndarray:
     Each row of `rectangles` (rectangle, 4) is left, right, bottom and top from the side's foot [m].
     """
     assert case.room is not None
-    foot, along = side_of(case.room, side)
+    return rectangles_on(case.room, side, rectangles) @ rotation(case).T
+
+
+def rectangles_on(room: Room, side: Side, rectangles: np.ndarray) -> np.ndarray:
+    """Corners (rectangle, 4, 3) as from `facade_quads`, in the room's own frame [m]."""
+    foot, along = side_of(room, side)
     along = along / np.linalg.norm(along)
     quads = [_upright(foot, along, *edges) for edges in rectangles]
-    return np.reshape(quads, (-1, 4, 3)) @ rotation(case).T
+    return np.reshape(quads, (-1, 4, 3))
 
 
 def origin(case: Case) -> np.ndarray:

@@ -7,7 +7,7 @@ groups by the direction that they face, as LM-83 closes the shades of each faça
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 
 import numpy as np
@@ -22,7 +22,7 @@ from drcmitsuba.model.materials import (
 )
 from drcmitsuba.model.model import Layer
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.toml import shortened
+from drcmitsuba.runtime.toml import Side, shortened
 from drcmitsuba.scene.like_panes import (
     NO_GROUP,
     LikePanes,
@@ -30,6 +30,16 @@ from drcmitsuba.scene.like_panes import (
     like_panes,
     of_no_group,
 )
+
+
+@dataclass(frozen=True, eq=False)
+class TiledSide:
+    """Side of a room of boxes that is cut into tiles, in the room's own frame."""
+
+    wall: np.ndarray
+    """Rectangles around the tiles, fronts inward [m], shape (rectangle, 4, 3)."""
+    tiles: Mapping[str, np.ndarray]
+    """Rectangles of every tile, likewise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +57,10 @@ class PaneGroups:
     materials: tuple[tuple[SurfaceMaterial | None, ...], ...]
     """Materials of the states of every group, one fewer than states: in the first state panes have
     their own. Empty for groups whose states the model gives."""
+    drawn: tuple[SurfaceMaterial | None, ...] = ()
+    """Materials of tiles in their first state; empty for panes, which have their own."""
+    sides: Mapping[Side, TiledSide] = field(default_factory=dict)
+    """Sides that are cut into tiles, in place of the strips of the case."""
 
     @classmethod
     def of(cls, case: Case) -> PaneGroups:
@@ -98,7 +112,7 @@ class PaneGroups:
         own.
         """
         if group == NO_GROUP or index == 0:
-            return own
+            return self.drawn[group] if self.drawn and group != NO_GROUP else own
         if index == HIDDEN:
             return None
         if index == BLOCKED:

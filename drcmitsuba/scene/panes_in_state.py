@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.facade import Facade
 from drcmitsuba.case.groups import HIDDEN, OPEN, State
 from drcmitsuba.model.materials import (
     BsdfMaterial,
@@ -16,11 +17,15 @@ from drcmitsuba.model.materials import (
     SurfaceMaterial,
 )
 from drcmitsuba.model.model import Layer
+from drcmitsuba.runtime.toml import Side
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
-from drcmitsuba.scene.geometry import origin, recentred, rotation, wall
+from drcmitsuba.scene.geometry import SIDES, origin, recentred, rotation, wall
 from drcmitsuba.scene.like_panes import NO_GROUP
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_of_model import panes_of_model
+
+Quads = list[np.ndarray]
+"""Rectangles, shape (4, 3) each, fronts inward [m]."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +55,18 @@ class PanesInState:
         """Whether the model gives the states of a group of the case."""
         names = self.groups.states.names
         return name in names and not self.groups.materials[names.index(name)]
+
+    def wall(self, side: Side) -> tuple[Quads, Quads, dict[str, Quads]]:
+        """Rectangles of wall, frame and panes of a side, as `geometry.wall` cuts it."""
+        assert self.case.room is not None
+        if (tiled := self.groups.sides.get(side)) is not None:
+            return [*tiled.wall], [], {name: [*quads] for name, quads in tiled.tiles.items()}
+        return wall(self.case.room, side, self.case.facade.get(side, Facade()))
+
+    @property
+    def glazed(self) -> list[Side]:
+        """Sides that may have panes."""
+        return [side for side in SIDES if side in self.case.facade or side in self.groups.sides]
 
     def strip(self, name: str, side: str, index: int | None = None) -> SurfaceMaterial | None:
         """Material of a façade strip; None where it is open or holds a component.
@@ -132,11 +149,9 @@ def grouped_panes(
     case = recentred(case)
     groups = PaneGroups.of(case) if groups is None else groups
     front = PanesInState(case, effects, groups, (0,) * len(groups))
-    turn, room = rotation(case), case.room
-    states, found = front.groups.states.states, []
-    for side, facade in case.facade.items():
-        assert room is not None
-        for name, quads in wall(room, side, facade)[2].items():
+    turn, states, found = rotation(case), front.groups.states.states, []
+    for side in front.glazed:
+        for name, quads in front.wall(side)[2].items():
             group = front.groups.strip(name, side)
             if group != NO_GROUP and quads:
                 materials = [front.strip(name, side, i) for i in range(len(states[group]))]

@@ -33,7 +33,6 @@ from drcmitsuba.scene.geometry import (
     recentred,
     rotation,
     side_of,
-    wall,
 )
 from drcmitsuba.scene.like_panes import NO_GROUP
 from drcmitsuba.scene.materials import lets_through
@@ -138,7 +137,7 @@ def _surfaces(front: PanesInState, components: tuple[PlacedComponent, ...]) -> l
         parts.append(("ceiling", Lambertian(room.ceiling), ceiling(room, holes)))
         for side in SIDES:
             facade = case.facade.get(side, Facade())
-            opaque, frame, panes = wall(room, side, facade)
+            opaque, frame, panes = front.wall(side)
             parts.append((f"wall {side}", Lambertian(room.walls), opaque))
             parts.append((f"frame {side}", Lambertian(facade.frame_reflectance), frame))
             for name, quads in panes.items():
@@ -249,12 +248,29 @@ def _enclosure(front: PanesInState, components: tuple[PlacedComponent, ...]) -> 
             segment = float(np.linalg.norm(along)) / facade.segments
             sizes = (min(segment, s.top - s.bottom) - facade.frame for s in clear)
             narrowest = min(narrowest, *sizes)
+    for side in front.groups.sides:
+        tiles = front.wall(side)[2].items()
+        lit = [q for name, quads in tiles if _is_opening(front.strip(name, side)) for q in quads]
+        if lit:
+            openings.append(_around(np.array(lit)))
+            edges = np.diff(np.array(lit)[:, [0, 1, 2]], axis=1)
+            narrowest = min(narrowest, float(np.linalg.norm(edges, axis=2).min()))
     for component in components:
         if component.hole is not None and component.is_open:
             openings.append(overhead(component.hole, case.room.size[2]))
     turn = rotation(case)
     quads = np.reshape(openings, (-1, 4, 3)) @ turn.T
     return Enclosure(np.array(case.room.size), turn, quads, narrowest, front.effects.enclosed)
+
+
+def _around(quads: np.ndarray) -> np.ndarray:
+    """Rectangle (4, 3) around upright rectangles (quad, 4, 3) of one side, its front as theirs."""
+    corner, up, _, along = quads[0]
+    axes = [(edge - corner) / np.linalg.norm(edge - corner) for edge in (up, along)]
+    places = np.stack([(quads - corner).reshape(-1, 3) @ axis for axis in axes], axis=1)
+    low, high = places.min(axis=0), places.max(axis=0)
+    start = corner + low @ np.array(axes)
+    return quad(start, (high[0] - low[0]) * axes[0], (high[1] - low[1]) * axes[1])
 
 
 def _is_opening(material: SurfaceMaterial | None) -> bool:

@@ -6,7 +6,7 @@ from drcmitsuba import load_case
 from drcmitsuba.annual import study_facades
 from drcmitsuba.annual.study import study
 from drcmitsuba.annual.study_facades import FacadesJob, alike, jobs, together
-from drcmitsuba.annual.variants import SharedBasis, evaluate_variants
+from drcmitsuba.annual.variants import SharedElements, evaluate_variants
 from drcmitsuba.case.study import load_study
 from drcmitsuba.runtime import backend
 from drcmitsuba.sky.daylight import daylight
@@ -71,7 +71,7 @@ def test_rows_are_those_of_variants_by_their_own_thresholds(plan, cases, tmp_pat
 
 
 def test_a_stop_keeps_the_rows_that_are_done(plan, tmp_path, monkeypatch):
-    whole, begun = SharedBasis.simulated, []
+    whole, begun = SharedElements.simulated, []
 
     def stopped(self, number, judged):
         begun.append(number)
@@ -79,7 +79,7 @@ def test_a_stop_keeps_the_rows_that_are_done(plan, tmp_path, monkeypatch):
             raise KeyboardInterrupt
         return whole(self, number, judged)
 
-    monkeypatch.setattr(SharedBasis, "simulated", stopped)
+    monkeypatch.setattr(SharedElements, "simulated", stopped)
     with pytest.raises(KeyboardInterrupt):
         study(plan, tmp_path / "out")
     assert len([*(tmp_path / "out" / "rows").iterdir()]) == 2  # the third was being judged
@@ -150,9 +150,9 @@ def test_jobs_are_cut_to_fit_in_memory(cases, monkeypatch):
     (whole,) = jobs(more, suns)
     assert (len(whole.cases), [*whole.wanted]) == (24, [*range(24)])
     sizes = []
-    memory = study_facades.facade_basis.memory
+    memory = study_facades.by_element.memory
     monkeypatch.setattr(
-        study_facades.facade_basis,
+        study_facades.by_element,
         "memory",
         lambda *a, **k: sizes.append(memory(*a, **k)) or sizes[-1],
     )

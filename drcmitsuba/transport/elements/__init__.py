@@ -18,7 +18,7 @@ illuminance
 
 from drcmitsuba.transport.elements.illuminance import illuminance
 from drcmitsuba.transport.elements.light import ElementLight, LightByElement
-from drcmitsuba.transport.elements.simulate import compute
+from drcmitsuba.transport.elements.simulate import compute, memory
 from drcmitsuba.transport.elements.weights import Year, chosen
 
-__all__ = ["ElementLight", "LightByElement", "Year", "chosen", "compute", "illuminance"]
+__all__ = ["ElementLight", "LightByElement", "Year", "chosen", "compute", "illuminance", "memory"]

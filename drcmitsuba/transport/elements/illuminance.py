@@ -92,7 +92,7 @@ def _lit(trace: ElementTrace, replicate: int) -> Iterator[tuple[Element, Element
     besides = trace.beside(here)
     if besides is not None:
         yield trace.besides, besides
-    for element in trace.elements:
+    for element in (each for each in trace.elements if not each.is_opaque):
         yield element, trace.deposited(element, here, besides)
 
 

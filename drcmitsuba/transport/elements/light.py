@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,6 +44,22 @@ class ElementLight:
     """C without light that met openings from inside [sr], likewise."""
     blocks: np.ndarray
     """Light on blocks of cells by paths that met no opening [sr], (replicate, own bin, block)."""
+
+    @cached_property
+    def is_lit(self) -> dict[str, bool]:
+        """Whether each array has any light."""
+        names = ("straight", "direct", "total", "blocks")
+        return {name: bool(getattr(self, name).any()) for name in names}
+
+    def pieces(
+        self, sky_bins: int, values: np.ndarray
+    ) -> Iterator[tuple[slice | np.ndarray, np.ndarray]]:
+        """Yield bins and values (replicate, bin, receiver) of the sky, and of the suns."""
+        yield slice(0, sky_bins), values[:, :sky_bins]
+        suns = self.bins[sky_bins:]
+        if len(suns):
+            whole = suns[-1] - suns[0] + 1 == len(suns)
+            yield slice(suns[0], suns[-1] + 1) if whole else suns, values[:, sky_bins:]
 
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
@@ -125,7 +142,10 @@ class LightByElement:
         out = np.zeros((len(first), len(self.labels), first.shape[2]), np.float32)
         for light, share in some:
             values = getattr(light, name)
-            out[:, light.bins] += values if share == 1 else np.float32(share) * values
+            if not light.is_lit[name]:
+                continue
+            for here, part in light.pieces(self.sky_bins, values):
+                out[:, here] += part if share == 1 else np.float32(share) * part
         return out
 
     def illuminance(self, L: csr_matrix, shares: np.ndarray) -> Iterator[np.ndarray]:

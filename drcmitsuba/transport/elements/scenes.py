@@ -11,7 +11,7 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import BLOCKED
-from drcmitsuba.model.materials import DiffuserMaterial, SurfaceMaterial
+from drcmitsuba.model.materials import DiffuserMaterial, Lambertian, SurfaceMaterial
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
@@ -42,6 +42,8 @@ class Element:
     """Directions from a sensor to every sun; 0 where suns do not shine straight."""
     photons: PhotonTracer | None
     """Photons, where components deviate its light."""
+    is_opaque: bool = False
+    """Whether no light comes in by its fill."""
 
 
 def elements_of_case(
@@ -89,7 +91,8 @@ def elements_of_case(
             light.scene, points, normals, light.suns, suns.diameter, subdivision, accuracy
         )
         samples = accuracy.sensor_sun_samples if suns.straight else 0
-        elements.append(Element(number, bins, light, samples, photons))
+        opaque = bool(mine) and all(isinstance(p.materials[fill], Lambertian) for p in mine)
+        elements.append(Element(number, bins, light, samples, photons, opaque))
     return elements
 
 

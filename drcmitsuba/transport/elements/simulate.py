@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import GroupStates
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.scene.enabled_effects import EnabledEffects
@@ -21,6 +23,8 @@ Matrix = Any
 """Matrix of SciPy or NumPy."""
 MOST_BYTES = 12 << 30
 """Largest memory of light by element [bytes]."""
+BLOCKS = 300
+"""Number of blocks of cells of a room, about."""
 TOGETHER = 1 << 26
 """Largest number of values of D that replicates have in the same launches."""
 
@@ -61,7 +65,8 @@ def compute(
         if besides is not None:
             _fill(lights[0], some, besides, G)
         for i, (element, light) in enumerate(zip(every[1:], lights[1:], strict=True), 1):
-            _fill(light, some, trace.deposited(element, some, besides), G)
+            if not element.is_opaque:
+                _fill(light, some, trace.deposited(element, some, besides), G)
             progress((start + len(some) * i / len(trace.elements)) / accuracy.replicates)
     return LightByElement(
         openings=trace.openings,
@@ -72,6 +77,14 @@ def compute(
         elements=tuple(lights[1:]),
         returned=tuple(map(trace.paths.returned, range(accuracy.replicates))),
     )
+
+
+def memory(
+    openings: GroupStates, suns: Suns, accuracy: Accuracy, sensors: int, subdivision: int
+) -> int:
+    """Memory that light by element of so many `sensors` takes, about [bytes]."""
+    bins, receivers = len(Patches(subdivision)) + len(suns.labels), 3 * sensors + BLOCKS
+    return 4 * openings.starts[-1] * accuracy.replicates * bins * receivers
 
 
 def _empty(trace: ElementTrace, element: Element) -> ElementLight:
@@ -96,7 +109,10 @@ def _fill(
     D = by_cell.reshape(len(some), -1, by_cell.shape[1])
     parts = zip(some, deposited.straight, deposited.direct, D, gather, strict=True)
     for r, straight, direct, cells, (onto_sensors, onto_blocks) in parts:
-        light.straight[r], light.direct[r] = straight.T, direct.T
+        if straight.any():  # memory that is never written is never taken
+            light.straight[r] = straight.T
+        if light.direct is not light.straight:
+            light.direct[r] = direct.T
         light.total[r] = (direct + onto_sensors @ cells).T
         light.blocks[r] = (onto_blocks @ cells).T
 

@@ -28,9 +28,8 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat_indices
 from drcmitsuba.scene.materials import bsdf, lets_through
 from drcmitsuba.scene.meshes import quad_mesh
+from drcmitsuba.scene.tiled_facades import FRAME
 
-FRAME = "(frame)"
-"""Name of the opaque frame around panes among the materials of tiles."""
 HITS = 3
 """Times that a path may meet the façade; light that meets it oftener, some 10⁻⁵ of E, is lost."""
 BITS = 10

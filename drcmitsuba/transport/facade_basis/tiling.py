@@ -9,12 +9,13 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.facade import Facade
-from drcmitsuba.model.materials import Reflectance
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import Side
 from drcmitsuba.scene import scene
+from drcmitsuba.scene.fills import HOLE
 from drcmitsuba.scene.geometry import facade_quads
-from drcmitsuba.transport.facade_basis.facade import FRAME, Palette, Tiles
+from drcmitsuba.scene.tiled_facades import cut, edges_of, fill_at, refuse_unlike
+from drcmitsuba.transport.facade_basis.facade import Palette, Tiles
 
 
 @dataclass(frozen=True)
@@ -58,26 +59,9 @@ def material_at(facade: Facade, length: float, x: np.ndarray, z: np.ndarray) -> 
     np.ndarray of str, shape (point,)
         `FRAME` on frames.
     """
-    names = np.full(len(x), "wall", dtype=object)
-    width, half = length / facade.segments, facade.frame / 2
-    segment = np.clip((x / width).astype(int), 0, facade.segments - 1)
-    across = x - segment * width
-    for strip in facade.strips:
-        inside = (z > strip.bottom) & (z < strip.top)
-        if strip.segments is not None:
-            inside &= np.isin(segment, strip.segments)
-        names[inside] = strip.material
-        if half > 0 and strip.material != "wall":
-            pane = (z > strip.bottom + half) & (z < strip.top - half)
-            pane &= (across > half) & (across < width - half)
-            names[inside & ~pane] = FRAME
+    names = fill_at(facade, length, x, z)
+    names[names == HOLE] = "open"
     return names
-
-
-def _cut(edges: set[float], low: float, high: float) -> np.ndarray:
-    """Sorted edges within bounds; edges closer than 10 µm are merged."""
-    all_edges = np.array(sorted({low, high, *(e for e in edges if low < e < high)}))
-    return all_edges[np.r_[True, np.diff(all_edges) > 1e-5]]
 
 
 def _rectangles(x: np.ndarray, z: np.ndarray) -> np.ndarray:
@@ -85,15 +69,6 @@ def _rectangles(x: np.ndarray, z: np.ndarray) -> np.ndarray:
     left, bottom = (a.ravel() for a in np.meshgrid(x[:-1], z[:-1]))
     right, top = (a.ravel() for a in np.meshgrid(x[1:], z[1:]))
     return np.stack([left, right, bottom, top], axis=1)
-
-
-def _edges(facade: Facade, length: float) -> tuple[set[float], set[float]]:
-    """Edges along and up a façade where its material may change [m]."""
-    half = facade.frame / 2
-    borders = np.arange(facade.segments + 1) * length / facade.segments
-    ends = [end for strip in facade.strips for end in (strip.bottom, strip.top)]
-    x, z = ({float(e + s) for e in at for s in (-half, 0, half)} for at in (borders, ends))
-    return x, z
 
 
 def of_variants(cases: Sequence[Case]) -> tuple[Wall, Tiles, Palette, list[np.ndarray]]:
@@ -118,13 +93,17 @@ def of_variants(cases: Sequence[Case]) -> tuple[Wall, Tiles, Palette, list[np.nd
     InputError
         The variants differ in something else, or cannot share a basis.
     """
-    _check_alike(cases)
+    for case in cases:
+        if scene.is_coloured(case):
+            got = "a reflectance differs between channels"
+            raise InputError(case.source, "room", got, "make it grey, or evaluate each case")
+    refuse_unlike(cases)
     wall = Wall(cases[0], side_of(cases))
     length, height = wall.size
     facades = [case.facade.get(wall.side, Facade()) for case in cases]
-    edges = [_edges(facade, length) for facade in facades]
-    x = _cut(set().union(*(e[0] for e in edges)), 0.0, length)
-    z = _cut(set().union(*(e[1] for e in edges)), 0.0, height)
+    edges = [edges_of(facade, length) for facade in facades]
+    x = cut(set().union(*(e[0] for e in edges)), length)
+    z = cut(set().union(*(e[1] for e in edges)), height)
     rectangles = _rectangles(x, z)
     centre = rectangles[:, :2].mean(axis=1), rectangles[:, 2:].mean(axis=1)
     names = np.stack([material_at(f, length, *centre) for f in facades], axis=1)
@@ -141,34 +120,6 @@ def of_variants(cases: Sequence[Case]) -> tuple[Wall, Tiles, Palette, list[np.nd
     padded = [np.pad(s.astype(np.float32), ((0, 0), (0, extra))) for s in shares]
     tiles = Tiles(rectangles, np.ravel(tile), facade_quads(cases[0], wall.side, rectangles))
     return wall, tiles, palette, padded
-
-
-_MAY_DIFFER = {"name", "facade", "materials", "design", "views"}
-"""Tables of which the year of a variant takes nothing, or its own."""
-
-
-def _check_alike(cases: Sequence[Case]) -> None:
-    """Refuse variants that differ in more than their façades, or that a basis cannot hold."""
-    first = cases[0]
-    materials = dict(first.materials)
-    frames: dict[Side, Reflectance] = {}
-    for case in cases:
-        if scene.is_coloured(case):
-            got = "a reflectance differs between channels"
-            raise InputError(case.source, "room", got, "make it grey, or evaluate each case")
-        for field in type(first).model_fields:
-            if field not in _MAY_DIFFER and getattr(case, field) != getattr(first, field):
-                remedy = f"variants share all but their façades: take [{field}] of {first.source}"
-                raise InputError(case.source, field, "differs from the first case's", remedy)
-        for name, material in case.materials.items():
-            if materials.setdefault(name, material) != material:
-                got = "another variant has another material of this name"
-                raise InputError(case.source, f"materials.{name}", got, "give it another name")
-        for side, facade in case.facade.items():
-            if frames.setdefault(side, facade.frame_reflectance) != facade.frame_reflectance:
-                field = f"facade.{side}.frame_reflectance"
-                got = "differs from that of another variant"
-                raise InputError(case.source, field, got, "make them agree")
 
 
 def of_grid(
@@ -205,8 +156,8 @@ def wall_around(wall: Wall, tiles: Tiles) -> np.ndarray:
     """Rest of a wall beside the tiles, shape (quad, 4, 3), fronts into the room [m]."""
     length, height = wall.size
     left, right, bottom, top = tiles.rectangles.T
-    x = _cut({*map(float, left), *map(float, right)}, 0.0, length)
-    z = _cut({*map(float, bottom), *map(float, top)}, 0.0, height)
+    x = cut({*map(float, left), *map(float, right)}, length)
+    z = cut({*map(float, bottom), *map(float, top)}, height)
     pieces = _rectangles(x, z)
     cx, cz = pieces[:, :2].mean(axis=1)[:, None], pieces[:, 2:].mean(axis=1)[:, None]
     taken = ((cx > left) & (cx < right) & (cz > bottom) & (cz < top)).any(axis=1)

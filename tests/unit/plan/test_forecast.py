@@ -21,7 +21,7 @@ from drcmitsuba.plan.forecast import forecast, is_short, work
 from drcmitsuba.plan.forecast.cost import KERNELS
 from drcmitsuba.plan.forecast.summed import is_summed, states_of_year
 from drcmitsuba.runtime import backend
-from drcmitsuba.runtime.machine_speed import REFERENCE, Speed, speed
+from drcmitsuba.runtime.machine_speed import Speed, speed
 from drcmitsuba.runtime.ray_counter import KINDS
 from drcmitsuba.sky.daylight import daylight
 from tests import ROOT
@@ -141,7 +141,7 @@ def test_a_north_room_under_an_overcast_sky_pays_for_no_sun_film_or_photon():
     case_plan = planned(**KINDS_OF_CASES["north, overcast"])
     costly = {"film_sun", "film_sum", "photon", "pane"}
     assert not costly & {unit for unit, amount in work(case_plan).by_unit.items() if amount}
-    shares = forecast(case_plan, REFERENCE).shares
+    shares = forecast(case_plan, Speed()).shares
     off = {name for name, effect in case_plan.effects.items() if not effect.on}
     assert {"suns", "films", "components", "shaded_state"} <= off
     assert {name: shares[name] for name in off} == dict.fromkeys(off, 0.0)
@@ -150,7 +150,7 @@ def test_a_north_room_under_an_overcast_sky_pays_for_no_sun_film_or_photon():
 @pytest.mark.parametrize("kind", KINDS_OF_CASES)
 def test_shares_add_up_and_what_is_off_costs_nothing(kind):
     case_plan = planned(**KINDS_OF_CASES[kind])
-    expected = forecast(case_plan, REFERENCE)
+    expected = forecast(case_plan, Speed())
     assert sum(expected.shares.values()) == pytest.approx(1)
     assert set(expected.shares) == {*case_plan.effects, "rest"}
     for name, effect in case_plan.effects.items():
@@ -187,7 +187,7 @@ def test_what_is_switched_off_is_not_forecast(effect, kind, units):
 def test_more_of_anything_costs_more():
     def cost(**changes):
         tables = {"shading": {"material": "milky"}, "effects": {"solved_cells": "off"}, **changes}
-        return forecast(planned(**tables), REFERENCE)
+        return forecast(planned(**tables), Speed())
 
     def more(**settings):
         return {"accuracy": {**ROOM["accuracy"], **settings}}
@@ -210,7 +210,7 @@ def test_a_faster_machine_needs_less_by_what_it_is_faster_in():
     slow, kernels, host = (
         forecast(case_plan, s).seconds for s in (Speed(), Speed(rays=2.0), Speed(host=2.0))
     )
-    items = forecast(case_plan, REFERENCE).items
+    items = forecast(case_plan, Speed()).items
     by_kernel = sum(items.get(unit, 0) * seconds for unit, seconds in KERNELS.items())
     assert slow - kernels == pytest.approx(by_kernel / 2)
     assert slow - host == pytest.approx((slow - by_kernel) / 2)

@@ -4,7 +4,6 @@ import pytest
 
 from drcmitsuba.annual import attributes
 from drcmitsuba.annual.tradeoff import tradeoff
-from drcmitsuba.annual.variants import evaluate_variants
 from drcmitsuba.design.film_year import FilmYear
 from drcmitsuba.design.layout import Layout
 from drcmitsuba.design.reflectances import Interior
@@ -100,7 +99,6 @@ def test_structures_that_do_not_fit_are_refused(tmp_path, text, changes, message
 
 
 TASKS = {
-    "variants": lambda room: list(evaluate_variants([room])),
     "optimise": Layout.of,
     "film": FilmYear.of,
     "interior": lambda room: Interior.of(room, None),

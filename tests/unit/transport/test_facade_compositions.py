@@ -18,12 +18,13 @@ from drcmitsuba.runtime.toml import checked
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import surfaces_of
+from drcmitsuba.scene.tiled_facades import FRAME
 from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.transport import coefficients, facade_basis
 from drcmitsuba.transport.cells.cells import CellGrid
 from drcmitsuba.transport.facade_basis import facade, simulate
 from drcmitsuba.transport.facade_basis.basis import Returned
-from drcmitsuba.transport.facade_basis.tiling import FRAME, material_at, wall_around
+from drcmitsuba.transport.facade_basis.tiling import material_at, wall_around
 from drcmitsuba.transport.gather.paths import gather
 
 SIZE = [4.0, 5.0, 3.0]
