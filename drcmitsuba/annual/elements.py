@@ -112,7 +112,7 @@ class Elements:
                 evaluated = evaluate_metrics(
                     case, year.daylight, year.coefficients, year.direct, year.shade
                 )
-        planned = self.planned.summed()
+        planned = self.planned.summed(always=True)
         result = summed_up(planned, year.coefficients, evaluated, run, notes(self.case))
         return replace(result, daylight=year.daylight)
 

@@ -1,7 +1,7 @@
 """Rows of a study that differ in their façades: metrics of all of them from one simulation.
 
-rows   ─ together ────► lists of rows that may share a basis: one room, sky, shade, place of windows
-list   ─ jobs ────────► parts whose basis fits in memory
+rows   ─ together ────► lists of rows that may share light: one room, sky, shade, place of windows
+list   ─ jobs ────────► parts whose elements fit in memory
 part   ─ alike ───────► their cases, with one name for each material
        ─ SharedElements ─► metrics of each row, by its own thresholds
 """
@@ -33,15 +33,15 @@ from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import elements as by_element
 
 LEAST = 6
-"""Least number of different façades for which a basis is made; fewer cost less one by one."""
+"""Least number of different façades that are simulated together; fewer cost less one by one."""
 MEMORY = 3 << 30
-"""Largest memory of a basis [bytes]; more rows are cut into parts."""
+"""Largest memory of light by element [bytes]; more rows are cut into parts."""
 OWN = ("name", "facade", "materials", "shading", "design", "views", "metrics", "output")
-"""Tables in which rows of one basis may differ."""
+"""Tables in which rows that share light may differ."""
 
 
 def together(rows: Iterable[tuple[int, Case, str]]) -> list[list[int]]:
-    """Rows for which façade bases are worth while, as lists of those that may share one.
+    """Rows that are worth simulating together, as lists of those that may share light.
 
     Parameters
     ----------
@@ -57,13 +57,13 @@ def together(rows: Iterable[tuple[int, Case, str]]) -> list[list[int]]:
 
 
 def _may_share(case: Case) -> bool:
-    """Whether a basis can hold the façade of a case."""
+    """Whether elements can hold the façade of a case."""
     has_target = case.accuracy.sensor_goal is not None or isinstance(case.sun, Adaptive)
     return case.room is not None and not (case.components or case.groups or has_target)
 
 
 def _common(case: Case) -> tuple[object, ...]:
-    """Content that cases of one basis have in common."""
+    """Content that cases that share light have in common."""
     frames = {side: facade.frame_reflectance for side, facade in case.facade.items()}
     shade: tuple[object, ...] = ()
     if case.shading is not None:
@@ -77,7 +77,7 @@ def _facade(case: Case) -> str:
 
 
 def alike(cases: Sequence[Case]) -> list[Case]:
-    """Cases of one basis, with the tables of the first and one material for each name.
+    """Cases that share light, with the tables of the first and one material for each name.
 
     A material that another row has under the same name takes a name of its own.
     """
@@ -110,10 +110,10 @@ def _renamed(facade: Facade, names: Mapping[str, str]) -> Facade:
 
 @dataclass(frozen=True)
 class FacadesJob:
-    """Evaluation of rows by one basis, here or by a worker."""
+    """Evaluation of rows that share light, here or by a worker."""
 
     cases: Sequence[Case]
-    """All cases of the basis, whoever evaluates them: the numbers depend on all."""
+    """All cases that share light, whoever evaluates them: the numbers depend on all."""
     wanted: Sequence[int]
     """Numbers of the cases to evaluate."""
 
@@ -150,9 +150,9 @@ class FacadesJob:
 
 
 def jobs(cases: Sequence[Case], suns: Suns) -> list[FacadesJob]:
-    """Jobs whose bases fit in memory: all cases are one job, or each half is jobs.
+    """Jobs whose elements fit in memory: all cases are one job, or each half is jobs.
 
-    Cases are left out where a job becomes too small for a basis, or no basis can hold them.
+    Cases are left out where a job becomes too small, or no elements can hold them.
     """
     if len({_facade(case) for case in cases}) < LEAST:
         return []

@@ -117,7 +117,7 @@ class SharedElements:
                 ChosenFills({}, {}), self.tiled.drawn[number],
             )  # fmt: skip
             year = simulated_year(facade, planned.simulated, self.light, run, facade.attributes)
-        return SimulatedVariant(planned.summed(), year, self.remarks[number], run)
+        return SimulatedVariant(planned.summed(always=True), year, self.remarks[number], run)
 
 
 @dataclass(frozen=True)

@@ -34,11 +34,14 @@ class Plan:
         Decision on each effect, by name.
     scope : EnabledEffects
         The same decisions, as transport reads them; of a summed year, those on its open façade.
+    is_sum : bool
+        Whether the decisions are those on a summed year.
     """
 
     facts: Facts
     effects: dict[str, Effect]
     scope: EnabledEffects
+    is_sum: bool = False
 
     @property
     def simulated(self) -> Case:
@@ -46,9 +49,15 @@ class Plan:
         case = self.facts.case
         return case if self.scope.shade else case.with_tables(shading=None, groups={})
 
-    def summed(self) -> Plan:
-        """Say what is left out of a year whose E is a sum over groups of panes."""
-        return replace(self, effects=summed(self.effects, self.facts, self.scope))
+    def summed(self, *, always: bool = False) -> Plan:
+        """Say what is left out of a year whose E is a sum over groups of panes.
+
+        The open façade is simulated as a whole, unless it is a sum, too: `always`.
+        """
+        if self.is_sum:
+            return self
+        effects = summed(self.effects, self.facts, self.scope, always=always)
+        return replace(self, effects=effects, is_sum=True)
 
     def notes(self) -> list[str]:
         """Reasons of the effects that are left out though the scene calls for them."""

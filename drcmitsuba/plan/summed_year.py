@@ -18,6 +18,7 @@ WHEN = (
     "left out of all hours in which a group is not in its first state, since their E is a sum over "
     "groups of panes"
 )
+ALWAYS = "left out, since E is a sum over openings and their fills"
 SIZE = (
     "−0.6 % of the sky's light, −1.8 % of the ground's and up to 10 % of a patch's in a room with "
     "windows in three façades"
@@ -25,20 +26,24 @@ SIZE = (
 """Measured in `docs/howto/groups.md`."""
 
 
-def summed(effects: Mapping[str, Effect], facts: Facts, scope: EnabledEffects) -> dict[str, Effect]:
-    """Decisions on a summed year, from those on its open façade."""
-    panes = effects["pane_to_pane"]
+def summed(
+    effects: Mapping[str, Effect], facts: Facts, scope: EnabledEffects, *, always: bool
+) -> dict[str, Effect]:
+    """Decisions on a summed year, from those on its open façade.
+
+    The open façade is simulated as a whole, unless it is a sum, too: `always`.
+    """
+    panes, when, beside = effects["pane_to_pane"], WHEN, "; in other hours: "
+    if always:
+        when, beside = ALWAYS, "; a simulation has: "
     if panes.on:
-        reason = f"light from pane to pane is {WHEN} ({SIZE}); in other hours: {panes.reason}"
+        reason = f"light from pane to pane is {when} ({SIZE}){beside}{panes.reason}"
         panes = replace(panes, on=False, reason=reason, missing=True)
-    return {
-        **effects,
-        "pane_to_pane": panes,
-        "mirrors": _images(effects["mirrors"], facts, scope),
-    }
+    images = _images(effects["mirrors"], facts, scope, when, beside)
+    return {**effects, "pane_to_pane": panes, "mirrors": images}
 
 
-def _images(every: Effect, facts: Facts, scope: EnabledEffects) -> Effect:
+def _images(every: Effect, facts: Facts, scope: EnabledEffects, when: str, beside: str) -> Effect:
     """Decide on images of suns, of which those in polished surfaces and in panes may be missing."""
     dull = replace(facts, case=facts.case.without_polish())
     kept = mirrors(dull, replace(scope, pane_to_pane=False))
@@ -48,5 +53,5 @@ def _images(every: Effect, facts: Facts, scope: EnabledEffects) -> Effect:
     if polished := facts.case.building.polished:
         names = ", ".join(polished)
         lost.append(f"in polished surfaces ({names}; diffuse there, E up to 1 % lower)")
-    reason = f"images {' and '.join(lost)} are {WHEN}; in other hours: {every.reason}"
+    reason = f"images {' and '.join(lost)} are {when}{beside}{every.reason}"
     return Effect(kept.on, reason, every.quantities, missing=bool(polished))

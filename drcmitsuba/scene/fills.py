@@ -56,8 +56,9 @@ def openings_of(case: Case, fills: Fills = ()) -> PaneGroups:
             got = f"no opening {shortened(opening)}"
             raise InputError(case.source, "fills", got, choose(opening, names))
     states, materials = [], []
-    for name, known, kinds in zip(names, own.states.states, own.materials, strict=True):
-        further = [f for f in dict.fromkeys(fills.get(name, ())) if f not in known]
+    every = zip(names, own.states.states, own.materials, drawn_in(case, own), strict=True)
+    for name, known, kinds, drawn in every:
+        further = [f for f in dict.fromkeys(fills.get(name, ())) if f not in (*known, drawn)]
         if further and len(known) > 1 and not kinds:
             got = f"further fills of {shortened(name)}, whose states the model gives"
             raise InputError(case.source, "fills", got, "name the group's panes and its states")

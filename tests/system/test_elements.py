@@ -6,6 +6,7 @@ import xarray as xr
 
 import drcmitsuba
 from drcmitsuba import InputError
+from drcmitsuba.scene.fills import openings_of
 from tests.system.small_room import CASE, DAYS, SHADING, SITE, STRIPS, changed
 
 EAST = "[facade.east]\n" + STRIPS.replace("glass", "opal") + "\n"
@@ -146,3 +147,23 @@ def test_rooms_without_panes_are_refused(tmp_path):
     (tmp_path / "shut.toml").write_text(shut)
     with pytest.raises(InputError, match="no pane to the outside"):
         drcmitsuba.elements(tmp_path / "shut.toml")
+
+
+def test_the_plan_says_what_a_sum_leaves_out(tmp_path):
+    """Glass in two sides mirrors light from pane to pane, in all hours of a simulation."""
+    case = case_of(
+        tmp_path, ("transmittance = 0.65", "transmittance = 0.65\nreflectance = 0.12"),
+        more="[facade.east]\n" + STRIPS + "\n",
+    )  # fmt: skip
+    light = drcmitsuba.elements(case)
+    assert light.planned.scope.pane_to_pane
+    entry = light.evaluate().plan["pane_to_pane"]
+    assert entry["on"] is False
+    assert "left out, since E is a sum over openings" in entry["reason"]
+    assert "in other hours" not in entry["reason"]
+
+
+def test_what_is_drawn_is_no_further_fill(tmp_path):
+    case = case_of(tmp_path, more=EAST + OPAL)
+    openings = openings_of(case, ["glass", "opal"]).states
+    assert openings.states == (("open", "shade", "opal"), ("open", "glass"))
