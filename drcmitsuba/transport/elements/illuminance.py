@@ -2,9 +2,9 @@ r"""Illuminance of a year of known shares of fills, of which no coefficients by 
 
 .. math:: E = \sum_e w_e L S_e + (G_0 + G_m) \sum_e w_e L D_e
 
-with the luminances L of every time stamp and the share w that the element e has then. The light of
-the suns is summed over bins before it is gathered, which takes one product by G₀ instead of one for
-each element, and only suns that shine while an element has a share are traced for it.
+with the luminances L of every time stamp and the share w that the element e has then. Light is
+summed over bins before it is gathered, which takes one product by G₀ instead of one for each
+element, and only suns that shine while an element has a share are traced for it.
 """
 
 from __future__ import annotations
@@ -107,17 +107,15 @@ class _Sums:
     """Light of blocks from cells; a matrix, since only one thread may use the device."""
     returned: SentBack
     E: np.ndarray
-    """E of the sensors without paths from the suns' light on cells [lx], shape (time, sensor)."""
-    by_sky: np.ndarray
-    """Light on blocks of cells by ground and sky [lx], shape (time, block)."""
-    by_suns: np.ndarray
-    """D of cells by the suns [lx], shape (time, cell)."""
+    """Illuminance of the sensors before any diffuse reflection [lx], shape (time, sensor)."""
+    on_cells: np.ndarray
+    """That of the cells [lx], shape (time, cell)."""
 
     @classmethod
     def of(cls, year: Year, trace: ElementTrace, replicate: int) -> _Sums:
         """Begin without light."""
         paths = trace.paths
-        sizes = len(trace.points), paths.blocks, paths.gathered.cells.count
+        sizes = len(trace.points), paths.gathered.cells.count
         G, onto_blocks = paths.matrix(replicate), paths.onto_blocks(replicate)
         return cls(year, G, onto_blocks, paths.returned(replicate), *map(year.dark, sizes))
 
@@ -139,16 +137,15 @@ class _Sums:
             D of the cells by the suns [sr].
         """
         year, patches = self.year, sky.shape[1]
-        year.add_sky(self.E, element, (sensors[:, :patches] + self.G @ sky).T)
-        year.add_sky(self.by_sky, element, (self.onto_blocks @ sky).T)
+        year.add_sky(self.E, element, sensors[:, :patches].T)
+        year.add_sky(self.on_cells, element, sky.T)
         year.add_suns(self.E, element, bins, np.ascontiguousarray(sensors[:, patches:].T))
-        year.add_suns(self.by_suns, element, bins, by_sun)
+        year.add_suns(self.on_cells, element, bins, by_sun)
 
     def gathered(self) -> np.ndarray:
-        """Add what paths gather of the suns' light on cells: E (time, sensor) [lx]."""
-        _gather(self.E, self.G, self.by_suns)
-        D = self.by_sky + (self.onto_blocks @ self.by_suns.T).T
-        self.returned.add(self.E, D, self.year)
+        """Add what paths gather of the light on cells: E (time, sensor) [lx]."""
+        _gather(self.E, self.G, self.on_cells)
+        self.returned.add(self.E, (self.onto_blocks @ self.on_cells.T).T, self.year)
         return self.E
 
 
