@@ -14,15 +14,36 @@ from drcmitsuba.annual.choice import ChosenFills
 from drcmitsuba.annual.moving_groups import MovingGroups, moving_groups
 from drcmitsuba.annual.simulation import joined_channels
 from drcmitsuba.annual.summed_year import luminances_of, replicates_of
+from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, GroupStates, State
 from drcmitsuba.runtime.content_key import content_key
-from drcmitsuba.runtime.progress import Progress
+from drcmitsuba.runtime.progress import Progress, part
+from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.sensors import sensor_coordinates
 from drcmitsuba.sky.daylight import Daylight
-from drcmitsuba.transport.elements import LightByElement
+from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport.elements import LightByElement, compute
+
+
+def light_of_channels(
+    case: Case, panes: PaneGroups, suns: Suns, accuracy: Accuracy, effects: EnabledEffects,
+    progress: Progress,
+) -> tuple[LightByElement, ...]:  # fmt: skip
+    """Light by element of every colour channel of a case; one of a grey case.
+
+    Arguments and errors are those of `transport.elements.compute`.
+    """
+    numbers = scene.channels_of(case, effects)
+    return tuple(
+        compute(
+            case, panes, suns, accuracy, effects, channel=number,
+            progress=part(progress, i / len(numbers), (i + 1) / len(numbers)),
+        )
+        for i, number in enumerate(numbers)
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,15 +115,12 @@ class ChosenFacade:
         light = self.channels[1 if len(self.channels) > 1 else 0]  # green stands for all colours
         out = np.full((C.sizes["sensor"], C.sizes["bin"]), -1, np.float32)
         most = np.zeros(out.shape, np.float32)
+        group = np.repeat(list(map(self.moving.number_of, range(len(starts) - 1))), np.diff(starts))
         for k in range(len(groups)):
             straight = np.zeros_like(most)
-            for opening in range(len(self.openings)):
-                if self.moving.number_of(opening) != k:
-                    continue
-                for e in range(starts[opening], starts[opening + 1]):
-                    if shares[e]:
-                        own = light.elements[e]
-                        straight[:, own.bins] += shares[e] * own.straight.mean(axis=0).T
+            for e in np.flatnonzero((group == k) & (shares != 0)):
+                own = light.elements[e]
+                straight[:, own.bins] += shares[e] * own.straight.mean(axis=0).T
             out[straight > most] = k
             most = np.maximum(most, straight)
         out[:, : light.sky_bins] = -1  # a sun alone closes a group

@@ -17,7 +17,7 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.annual.choice import Choice, ChosenFills
-from drcmitsuba.annual.chosen_facade import ChosenFacade
+from drcmitsuba.annual.chosen_facade import ChosenFacade, light_of_channels
 from drcmitsuba.annual.result import Result, summed_up
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.simulated_year import simulated_year
@@ -29,9 +29,8 @@ from drcmitsuba.metrics.evaluate_metrics import evaluate_metrics
 from drcmitsuba.plan import Plan, notes, plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.progress import Stage, part, silent
+from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.runtime.threads import one_blas_thread
-from drcmitsuba.scene import scene
 from drcmitsuba.scene.fills import Fills, drawn_in, effects_of, openings_of
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.sensors import sensor_coordinates
@@ -252,12 +251,5 @@ def elements(case: Case | str | Path, fills: Fills = (), stage: Stage = silent) 
             run = replace(run, enabled_effects=scope)
             accuracy = accuracy_of(case, run)
         with run.timed("elements") as done:
-            numbers = scene.channels_of(case, scope)
-            channels = tuple(
-                by_element.compute(
-                    case, groups, light.suns, accuracy, scope, channel=number,
-                    progress=part(done, i / len(numbers), (i + 1) / len(numbers)),
-                )
-                for i, number in enumerate(numbers)
-            )  # fmt: skip
+            channels = light_of_channels(case, groups, light.suns, accuracy, scope, done)
     return Elements(case, light, planned, run, groups, channels)

@@ -12,10 +12,10 @@ from drcmitsuba.annual.choice import ChosenFills, Mixtures
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, OTHERS, SHADED, GroupStates
 from drcmitsuba.case.schedule import HOURS, Schedule, hour_of_year, schedule_of
-from drcmitsuba.model.materials import GlazingMaterial
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import shortened
 from drcmitsuba.scene.fills import clear_panes
+from drcmitsuba.scene.materials import shade_covers
 from drcmitsuba.scene.pane_groups import PaneGroups
 
 
@@ -133,8 +133,7 @@ def _of_shade(case: Case, panes: PaneGroups, first: Mapping[int, np.ndarray]) ->
     by_facing: dict[str, list[tuple[int, np.ndarray]]] = {}
     clear_as_drawn = clear_panes(case, panes)
     for g, row in first.items():
-        further = [m is None or isinstance(m, GlazingMaterial) for m in panes.materials[g]]
-        clear = np.array([clear_as_drawn[g], *further])
+        clear = np.array([clear_as_drawn[g], *map(shade_covers, panes.materials[g])])
         if not row[clear].any():
             continue
         fills, shade = panes.states.states[g], case.shading.material

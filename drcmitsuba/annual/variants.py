@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from drcmitsuba.annual.choice import ChosenFills
-from drcmitsuba.annual.chosen_facade import ChosenFacade
+from drcmitsuba.annual.chosen_facade import ChosenFacade, light_of_channels
 from drcmitsuba.annual.result import Result, summed_up
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.simulated_year import SimulatedYear, simulated_year
@@ -20,8 +20,7 @@ from drcmitsuba.metrics.evaluate_metrics import evaluate_metrics
 from drcmitsuba.plan import Plan, notes, plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.progress import Stage, part, silent
-from drcmitsuba.scene import scene
+from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.tiled_facades import TiledVariants, refuse_unlike
 from drcmitsuba.sky.daylight import Daylight, daylight_and_year
@@ -93,14 +92,7 @@ class SharedElements:
             scope = _joined([plan(case, light).scope for case in cases])
             tiled = TiledVariants.of(cases)
         with run.timed("elements") as done:
-            numbers = scene.channels_of(tiled.case, scope)
-            channels = tuple(
-                by_element.compute(
-                    tiled.case, tiled.panes, light.suns, accuracy, scope, channel=number,
-                    progress=part(done, i / len(numbers), (i + 1) / len(numbers)),
-                )
-                for i, number in enumerate(numbers)
-            )  # fmt: skip
+            channels = light_of_channels(tiled.case, tiled.panes, light.suns, accuracy, scope, done)
         return cls(cases, light, tiled, scope, channels, remarks, run)
 
     def simulated(self, number: int, judged: Case | None = None) -> SimulatedVariant:

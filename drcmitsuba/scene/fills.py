@@ -24,6 +24,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import choose, shortened
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.like_panes import LikePanes, assigned_to, like_panes
+from drcmitsuba.scene.materials import shade_covers
 from drcmitsuba.scene.pane_groups import PaneGroups
 
 HOLE, WALL = "hole", "wall"
@@ -96,7 +97,7 @@ def _apart(case: Case, own: PaneGroups) -> PaneGroups:
 def clear_panes(case: Case, openings: PaneGroups) -> list[bool]:
     """Whether a shade may cover what the case draws in every opening."""
     if openings.drawn:
-        return [m is None or isinstance(m, GlazingMaterial) for m in openings.drawn]
+        return [*map(shade_covers, openings.drawn)]
     clear = [False] * len(openings)
     for panes in like_panes(case):
         clear[_opening_of(openings, panes)] |= panes.clear

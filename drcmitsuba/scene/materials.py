@@ -76,6 +76,11 @@ def _film(path: Path, changed: int) -> FilmFile:
     return FilmFile(file, largest, share, any(s.stands_out for s in splits))
 
 
+def shade_covers(material: SurfaceMaterial | None) -> bool:
+    """Whether a shade covers what stands in an opening: clear glass, or a hole, which is None."""
+    return material is None or isinstance(material, GlazingMaterial)
+
+
 def lets_through(material: SurfaceMaterial) -> bool:
     """Whether straight light passes a surface of this material undeviated."""
     if isinstance(material, BsdfMaterial):

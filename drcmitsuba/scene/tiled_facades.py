@@ -10,11 +10,12 @@ import numpy as np
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.facade import Facade
 from drcmitsuba.case.groups import GroupStates
-from drcmitsuba.model.materials import GlazingMaterial, Lambertian, Reflectance, SurfaceMaterial
+from drcmitsuba.model.materials import Lambertian, Reflectance, SurfaceMaterial
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import Side, shortened
 from drcmitsuba.scene.fills import HOLE, WALL
 from drcmitsuba.scene.geometry import SIDES, rectangles_on
+from drcmitsuba.scene.materials import shade_covers
 from drcmitsuba.scene.pane_groups import PaneGroups, TiledSide
 
 FRAME = "(frame)"
@@ -66,11 +67,8 @@ class TiledVariants:
         states, kinds, rows = [], [], tuple(dict[int, np.ndarray]() for _ in cases)
         for g, (_, side, fills) in enumerate(tiles):
             names = list(dict.fromkeys(fills))
-            clear = [
-                m is None or isinstance(m, GlazingMaterial)
-                for m in (material(name, side) for name in names)
-            ]
-            if shade is not None and any(clear) and shade not in names[1:]:
+            is_clear = any(shade_covers(material(name, side)) for name in names)
+            if shade is not None and is_clear and shade not in names[1:]:
                 names.append(shade)
             states.append(tuple(name.replace("/", "-") for name in names))
             kinds.append([material(name, side) for name in names])
@@ -98,16 +96,8 @@ def _tiles(
     """
     room = cases[0].room
     assert room is not None
-    length, height = room.wall(side)
     facades = [case.facade.get(side, Facade()) for case in cases]
-    edges = [edges_of(facade, length) for facade in facades]
-    x = cut(set().union(*(e[0] for e in edges)), length)
-    z = cut(set().union(*(e[1] for e in edges)), height)
-    left, bottom = (a.ravel() for a in np.meshgrid(x[:-1], z[:-1]))
-    right, top = (a.ravel() for a in np.meshgrid(x[1:], z[1:]))
-    rectangles = np.stack([left, right, bottom, top], axis=1)
-    centre = (left + right) / 2, (bottom + top) / 2
-    names = np.stack([fill_at(f, length, *centre) for f in facades], axis=1).astype(str)
+    rectangles, names = rectangles_of(facades, *room.wall(side))
     varies = (names != WALL).any(axis=1)
     kinds, tile = np.unique(names[varies], axis=0, return_inverse=True)
     tile = np.ravel(tile)
@@ -116,6 +106,34 @@ def _tiles(
         for k, kind in enumerate(kinds)
     ]
     return made, rectangles[~varies]
+
+
+def rectangles_of(
+    facades: Sequence[Facade], length: float, height: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rectangles of a wall, along the edges of all of several façades, and their fills.
+
+    Returns
+    -------
+    rectangles : np.ndarray, shape (rectangle, 4)
+        Left, right, bottom and top from the foot of the wall [m].
+    names : np.ndarray of str, shape (rectangle, façade)
+        As from `fill_at`.
+    """
+    edges = [edges_of(facade, length) for facade in facades]
+    x = cut(set().union(*(e[0] for e in edges)), length)
+    z = cut(set().union(*(e[1] for e in edges)), height)
+    rectangles = between(x, z)
+    centre = rectangles[:, :2].mean(axis=1), rectangles[:, 2:].mean(axis=1)
+    names = np.stack([fill_at(f, length, *centre) for f in facades], axis=1).astype(str)
+    return rectangles, names
+
+
+def between(x: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Rectangles between the edges x and z, shape (rectangle, 4), row by row from below."""
+    left, bottom = (a.ravel() for a in np.meshgrid(x[:-1], z[:-1]))
+    right, top = (a.ravel() for a in np.meshgrid(x[1:], z[1:]))
+    return np.stack([left, right, bottom, top], axis=1)
 
 
 def fill_at(facade: Facade, length: float, x: np.ndarray, z: np.ndarray) -> np.ndarray:

@@ -21,7 +21,7 @@ interreflection
 photons
     D: light by every other chain, from film to film and by components.
 
-What joins them:
+These modules join them:
 
 deposit, pane_light
     D: all of it but photons; light of scattering panes in several replicates.
@@ -30,7 +30,7 @@ replicate, coefficient_arrays, shared_paths, coefficients
 sun_interpolation
     C of suns between the suns of a mesh.
 
-What asks for them:
+These folders ask for them:
 
 windows
     D and C by the window that light comes in by; how far points see out.

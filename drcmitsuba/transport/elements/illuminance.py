@@ -109,7 +109,7 @@ class _Sums:
     E: np.ndarray
     """Illuminance of the sensors before any diffuse reflection [lx], shape (time, sensor)."""
     on_cells: np.ndarray
-    """That of the cells [lx], shape (time, cell)."""
+    """Illuminance of the cells, likewise [lx], shape (time, cell)."""
 
     @classmethod
     def of(cls, year: Year, trace: ElementTrace, replicate: int) -> _Sums:

@@ -26,7 +26,7 @@ from drcmitsuba.model.materials import (
 )
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat_indices
-from drcmitsuba.scene.materials import bsdf, lets_through
+from drcmitsuba.scene.materials import bsdf, lets_through, shade_covers
 from drcmitsuba.scene.meshes import quad_mesh
 from drcmitsuba.scene.tiled_facades import FRAME
 
@@ -98,7 +98,7 @@ class Palette:
         """
         materials = {name: _material(case, name, frame) for name in names}
         shade = case.shading.material if case.shading is not None else None
-        clear = np.array([_is_clear(m) for m in materials.values()])
+        clear = np.array([shade_covers(m) for m in materials.values()])
         own_shade = shade in materials
         if shade is not None and allowed[:, clear].any():
             behind = allowed[:, clear].any(axis=1)
@@ -129,7 +129,7 @@ class Palette:
     @cached_property
     def clear(self) -> np.ndarray:
         """Whether the shade covers a material, shape (material,)."""
-        return np.array([_is_clear(m) for m in self.kinds])
+        return np.array([shade_covers(m) for m in self.kinds])
 
     @cached_property
     def straight(self) -> np.ndarray:
@@ -169,11 +169,6 @@ def _material(case: Case, name: str, frame: Reflectance) -> SurfaceMaterial | No
         known = ", ".join(["wall", "open", *case.materials])
         raise InputError(case.source, "materials", f"no {name!r}", f"choose one of {known}")
     return case.materials[name]
-
-
-def _is_clear(material: SurfaceMaterial | None) -> bool:
-    """Whether the shade covers a material: it covers clear panes and holes."""
-    return material is None or isinstance(material, GlazingMaterial)
 
 
 def _mirrors(material: SurfaceMaterial | None) -> bool:

@@ -14,7 +14,7 @@ from drcmitsuba.runtime.toml import Side
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.fills import HOLE
 from drcmitsuba.scene.geometry import facade_quads
-from drcmitsuba.scene.tiled_facades import cut, edges_of, fill_at, refuse_unlike
+from drcmitsuba.scene.tiled_facades import between, cut, fill_at, rectangles_of, refuse_unlike
 from drcmitsuba.transport.facade_basis.facade import Palette, Tiles
 
 
@@ -45,30 +45,10 @@ def side_of(cases: Sequence[Case]) -> Side:
 
 
 def material_at(facade: Facade, length: float, x: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Name the material of a façade at points.
-
-    Parameters
-    ----------
-    length : float
-        Length of the wall [m].
-    x, z : np.ndarray, shape (point,)
-        Position along the wall from its foot, and height [m].
-
-    Returns
-    -------
-    np.ndarray of str, shape (point,)
-        `FRAME` on frames.
-    """
+    """Name the material of a façade at points: as `fill_at`, with "open" for a hole."""
     names = fill_at(facade, length, x, z)
     names[names == HOLE] = "open"
     return names
-
-
-def _rectangles(x: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Rectangles between the edges x and z, shape (rectangle, 4), row by row from below."""
-    left, bottom = (a.ravel() for a in np.meshgrid(x[:-1], z[:-1]))
-    right, top = (a.ravel() for a in np.meshgrid(x[1:], z[1:]))
-    return np.stack([left, right, bottom, top], axis=1)
 
 
 def of_variants(cases: Sequence[Case]) -> tuple[Wall, Tiles, Palette, list[np.ndarray]]:
@@ -99,17 +79,12 @@ def of_variants(cases: Sequence[Case]) -> tuple[Wall, Tiles, Palette, list[np.nd
             raise InputError(case.source, "room", got, "make it grey, or evaluate each case")
     refuse_unlike(cases)
     wall = Wall(cases[0], side_of(cases))
-    length, height = wall.size
     facades = [case.facade.get(wall.side, Facade()) for case in cases]
-    edges = [edges_of(facade, length) for facade in facades]
-    x = cut(set().union(*(e[0] for e in edges)), length)
-    z = cut(set().union(*(e[1] for e in edges)), height)
-    rectangles = _rectangles(x, z)
-    centre = rectangles[:, :2].mean(axis=1), rectangles[:, 2:].mean(axis=1)
-    names = np.stack([material_at(f, length, *centre) for f in facades], axis=1)
+    rectangles, names = rectangles_of(facades, *wall.size)
+    names[names == HOLE] = "open"
     varies = (names != "wall").any(axis=1)
     rectangles, names = rectangles[varies], names[varies]
-    kinds, tile = np.unique(names.astype(str), axis=0, return_inverse=True)
+    kinds, tile = np.unique(names, axis=0, return_inverse=True)
     known = tuple(dict.fromkeys(map(str, kinds.ravel())))
     shares = [(kinds[:, i, None] == np.array(known)) for i in range(len(cases))]
     materials = {name: m for case in cases for name, m in case.materials.items()}
@@ -145,7 +120,7 @@ def of_grid(
         All materials for every tile.
     """
     length, _ = wall.size
-    rectangles = _rectangles(np.linspace(0, length, segments + 1), np.asarray(heights, float))
+    rectangles = between(np.linspace(0, length, segments + 1), np.asarray(heights, float))
     count, quads = len(rectangles), facade_quads(wall.case, wall.side, rectangles)
     allowed = np.ones((count, len(materials)), bool)
     palette = Palette.of(wall.case, materials, allowed)
@@ -158,7 +133,7 @@ def wall_around(wall: Wall, tiles: Tiles) -> np.ndarray:
     left, right, bottom, top = tiles.rectangles.T
     x = cut({*map(float, left), *map(float, right)}, length)
     z = cut({*map(float, bottom), *map(float, top)}, height)
-    pieces = _rectangles(x, z)
+    pieces = between(x, z)
     cx, cz = pieces[:, :2].mean(axis=1)[:, None], pieces[:, 2:].mean(axis=1)[:, None]
     taken = ((cx > left) & (cx < right) & (cz > bottom) & (cz < top)).any(axis=1)
     return facade_quads(wall.case, wall.side, pieces[~taken])
