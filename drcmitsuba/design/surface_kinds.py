@@ -13,6 +13,7 @@ from drcmitsuba.case.groups import State
 from drcmitsuba.model.materials import Lambertian
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.materials import bsdf
+from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.scene.surfaces import surfaces_of
 
@@ -66,5 +67,5 @@ def marked(case: Case, state: State, values: Mapping[str, float]) -> tuple[Scene
     ]
     shapes = [*scene.build(others).full.shapes(), *(mesh for mesh in meshes if mesh is not None)]
     named = {f"shape{i}": shape for i, shape in enumerate(shapes)}
-    full = mi.load_dict({"type": "scene", **named}, optimize=False)
+    full = mitsuba_scene(named)
     return scene.load(case, state).searched(full=full), Kinds(meshes)

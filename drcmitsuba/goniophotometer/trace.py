@@ -19,6 +19,7 @@ from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.materials import bsdf
 from drcmitsuba.scene.meshes import mesh, quad_mesh
+from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 from drcmitsuba.scene.structures.recipe import Glass
 from drcmitsuba.scene.structures.structure import UnitCell, copies
 
@@ -110,7 +111,7 @@ def prepare(unit: UnitCell) -> TracedPeriod:
         z = v[:, 2].min() - unit.glass.distance * scale
         bounds[0] = z - MARGIN
         shapes["glass"] = _pane(unit.glass, z, corner, period, unit.extruded)
-    scene = mi.load_dict({"type": "scene", **shapes}, optimize=False)
+    scene = mitsuba_scene(shapes)
     start, length, ends = (tuple(map(float, pair)) for pair in (corner, period, bounds))
     return TracedPeriod(scene, start, length, ends, unit.extruded)
 

@@ -20,6 +20,8 @@ surfaces, sensors
     All surfaces of a case as plain geometry; points at which illuminance is computed.
 flat_panes, box_faces
     Clear panes and walls that rays meet in closed form.
+mitsuba_scenes
+    Mitsuba scenes that one kernel may trace together.
 scene
     The same surfaces as Mitsuba scenes.
 """

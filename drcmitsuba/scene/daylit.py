@@ -22,6 +22,7 @@ from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.geometry import normals, points_on
 from drcmitsuba.scene.meshes import quad_mesh
+from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 from drcmitsuba.scene.panes_of_model import ModelPanes, panes_of_model
 from drcmitsuba.scene.sensors import sensors_of_model
 
@@ -178,4 +179,4 @@ def _lanes(count: int) -> mi.UInt32:
 def _scene(**parts: np.ndarray) -> mi.Scene:
     """Scene of meshes of quads (quad, 4, 3) [m] by name."""
     meshes = {name: quad_mesh(name, quads) for name, quads in parts.items() if len(quads)}
-    return mi.load_dict({"type": "scene", **meshes}, optimize=False)
+    return mitsuba_scene(meshes)

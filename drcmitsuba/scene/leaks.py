@@ -20,6 +20,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.meshes import quad_mesh
+from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.sensors import sensors_of_model
 
@@ -109,7 +110,7 @@ def _closed(model: Model, low: np.ndarray) -> mi.Scene:
         between = panes.polygon[(panes.layer == i) & ~panes.outside]
         quads.append(panes.quads[i][~np.isin(layer.polygon, between)])
     corners = np.concatenate(quads) - low
-    return mi.load_dict({"type": "scene", "all": quad_mesh("all", corners)}, optimize=False)
+    return mitsuba_scene({"all": quad_mesh("all", corners)})
 
 
 def _wide(scene: mi.Scene, start: np.ndarray, direction: np.ndarray) -> float:

@@ -19,6 +19,7 @@ from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.geometry import normals, points_on, reversed_quads, turn
 from drcmitsuba.scene.meshes import quad_mesh
+from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 
 RAYS = 256
 """Number of rays from each side of a pane."""
@@ -110,7 +111,7 @@ def all_surfaces(model: Model, variant: str) -> tuple[mi.Scene, np.ndarray, floa
     """
     every = np.concatenate([layer.quads for layer in model.layers])
     low, high = every.min(axis=(0, 1)), every.max(axis=(0, 1))
-    scene = mi.load_dict({"type": "scene", "all": quad_mesh("all", every - low)}, optimize=False)
+    scene = mitsuba_scene({"all": quad_mesh("all", every - low)})
     return scene, low, float((high - low).max())
 
 

@@ -26,6 +26,7 @@ from drcmitsuba.scene.flat_panes import FlatPanes
 from drcmitsuba.scene.geometry import Port, Surface
 from drcmitsuba.scene.materials import ends_paths, film, lets_through, loaded
 from drcmitsuba.scene.meshes import quad_mesh
+from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.surfaces import Enclosure, bounds_of_rooms, geometry_of
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
@@ -158,7 +159,7 @@ def build(
 
     def scene(keep: list[bool]) -> mi.Scene:
         kept = {name: mesh for (name, mesh), k in zip(shapes.items(), keep, strict=True) if k}
-        return mi.load_dict({"type": "scene", **kept}, optimize=False)
+        return mitsuba_scene(kept)
 
     let_through = [part for part, clear in zip(parts, is_clear, strict=True) if clear]
     is_glass = all(isinstance(part.material, GlazingMaterial) for part in let_through)
@@ -193,7 +194,7 @@ def _of_quads(parts: Sequence[ScenePart], masks: Iterable[np.ndarray]) -> mi.Sce
     """Scene of some quads of the parts, a mask (quad,) of each."""
     some = [(p, p.quads[mask]) for p, mask in zip(parts, masks, strict=True) if mask.any()]
     meshes = {f"shape{i}": quad_mesh(p.name, q, p.bsdf) for i, (p, q) in enumerate(some)}
-    return mi.load_dict({"type": "scene", **meshes}, optimize=False)
+    return mitsuba_scene(meshes)
 
 
 def load(

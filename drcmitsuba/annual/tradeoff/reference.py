@@ -26,6 +26,7 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.launch_size import PATHS
 from drcmitsuba.scene import scene
+from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 from drcmitsuba.scene.sensors import sensor_coordinates, sensor_points
 from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.transport.rays.shadow_rays import sun_deposit
@@ -260,4 +261,4 @@ def _with_sources(walls: mi.Scene, light: ReferenceDaylight) -> mi.Scene:
         world["suns"] = {
             "type": "sun_disks", "directions": directions, "diameter": light.diameter,
         }  # fmt: skip
-    return mi.load_dict({"type": "scene", **world}, optimize=False)
+    return mitsuba_scene(world)

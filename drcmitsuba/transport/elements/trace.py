@@ -30,6 +30,7 @@ from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import origin
+from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_in_state import grouped_panes, groups_with_surfaces
 from drcmitsuba.scene.sensors import sensor_points
@@ -143,7 +144,7 @@ class ElementTrace:
         marks = OpeningMarks(panes, np.array(groups.starts), channel, effects.beyond)
         shapes = {f"shape{i}": shape for i, shape in enumerate((*hidden.full.shapes(), marks.mesh))}
         corners = np.concatenate([hidden.corners, *(each.quads.reshape(-1, 3) for each in panes)])
-        full = mi.load_dict({"type": "scene", **shapes}, optimize=False)
+        full = mitsuba_scene(shapes)
         world = hidden.searched(full=full, corners=corners)
         # What a film sends back by its lobes is followed on paths.
         is_even = not any(isinstance(m, BsdfMaterial) for each in panes for m in each.materials)

@@ -19,6 +19,7 @@ from drcmitsuba.runtime.flat_arrays import flat_indices
 from drcmitsuba.runtime.random_streams import Draw, Key, Stream
 from drcmitsuba.scene.materials import bsdf
 from drcmitsuba.scene.meshes import quad_mesh
+from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 from drcmitsuba.scene.scene import Scene, ScenePart
 from drcmitsuba.scene.surfaces import Enclosure
 from drcmitsuba.transport.deposit import Deposit
@@ -52,7 +53,7 @@ class TiledRoom:
     def scene(self, *more: mi.Shape) -> mi.Scene:
         """Make a scene of the room and other shapes."""
         shapes = {f"shape{i}": s for i, s in enumerate((*self.shapes, *more))}
-        return mi.load_dict({"type": "scene", **shapes}, optimize=False)
+        return mitsuba_scene(shapes)
 
     def with_openings(self, tiles: np.ndarray, clear: mi.Scene | None = None) -> Scene:
         """Room whose openings are the `tiles`, a mask (tile,), which clear panes may cover."""
@@ -72,7 +73,7 @@ class TiledRoom:
             clear = None
             if pane is not None:
                 mesh = quad_mesh("pane", self.tiles.of(tile), pane)
-                clear = mi.load_dict({"type": "scene", "pane": mesh}, optimize=False)
+                clear = mitsuba_scene({"pane": mesh})
             scenes[tile] = self.with_openings(np.arange(len(self.tiles)) == tile, clear)
         return scenes
 

@@ -13,6 +13,7 @@ import numpy as np
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene.meshes import paired_mesh
+from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 
 MOST_PATCHES = 1 << 19
 """Largest number of patches."""
@@ -89,7 +90,7 @@ class PanePatches:
         c, u, v = self.corner, self.u, self.v
         quads = np.stack([c, c + u, c + u + v, c + v], axis=1)
         quads[self.triangular, 2] = quads[self.triangular, 3]
-        return mi.load_dict({"type": "scene", "patches": paired_mesh("patches", quads)})
+        return mitsuba_scene({"patches": paired_mesh("patches", quads)})
 
     @cached_property
     def area(self) -> np.ndarray:

@@ -14,6 +14,7 @@ import numpy as np
 
 from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial
 from drcmitsuba.scene.meshes import quad_mesh
+from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 from drcmitsuba.scene.scene import Scene, ScenePart
 
 _PANES = GlazingMaterial | DiffuserMaterial | BsdfMaterial
@@ -62,7 +63,7 @@ class ChangingPanes:
     @cached_property
     def _scene(self) -> mi.Scene:
         mesh = quad_mesh("panes", self.quads)
-        return mi.load_dict({"type": "scene", "panes": mesh}, optimize=False)
+        return mitsuba_scene({"panes": mesh})
 
     def passed(self, p: mi.Point3f, d: mi.Vector3f) -> mi.Bool:
         """Whether rays from points along directions pass a pane."""

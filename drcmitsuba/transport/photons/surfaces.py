@@ -15,6 +15,7 @@ import mitsuba as mi
 from drcmitsuba.model.materials import GlazingMaterial
 from drcmitsuba.scene.flat_panes import FlatPanes
 from drcmitsuba.scene.materials import ends_paths
+from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 from drcmitsuba.scene.scene import Scene, ScenePart
 
 
@@ -36,7 +37,7 @@ class PhotonScene:
             return cls(scene.full, None)
         left = [shape for shape in scene.full.shapes() if not any(_is_of(shape, p) for p in clear)]
         shapes = {f"shape{i}": shape for i, shape in enumerate(left)}
-        return cls(mi.load_dict({"type": "scene", **shapes}, optimize=False), panes)
+        return cls(mitsuba_scene(shapes), panes)
 
     def passed(self, p: mi.Point3f, d: mi.Vector3f, active: mi.Bool) -> Passed:
         """Panes that flights from points pass."""

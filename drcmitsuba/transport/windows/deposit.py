@@ -26,6 +26,7 @@ from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.runtime.random_streams import Draw, Key, Stream
 from drcmitsuba.scene.geometry import normals
 from drcmitsuba.scene.meshes import paired_mesh
+from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.light.irradiance import Irradiance
@@ -58,7 +59,7 @@ class Windows:
         quads = np.concatenate([window.quads for window in windows])
         of_quad = np.repeat(np.arange(len(windows)), [len(window.quads) for window in windows])
         self.of_quad, self._inward = flat_indices(of_quad), flat(normals(quads))
-        self._scene = mi.load_dict({"type": "scene", "windows": paired_mesh("windows", quads)})
+        self._scene = mitsuba_scene({"windows": paired_mesh("windows", quads)})
 
     def __len__(self) -> int:
         """Count the windows."""
@@ -199,7 +200,7 @@ def _with(scene: mi.Scene | None, more: dict[str, mi.Shape]) -> mi.Scene | None:
     if scene is None:
         return None
     shapes = {f"shape{i}": shape for i, shape in enumerate(scene.shapes())}
-    return mi.load_dict({"type": "scene", **shapes, **more}, optimize=False)
+    return mitsuba_scene({**shapes, **more})
 
 
 def _windows_of(patches: PanePatches, windows: Windows) -> np.ndarray:

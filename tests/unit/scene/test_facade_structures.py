@@ -17,6 +17,7 @@ from drcmitsuba.scene import components, scene
 from drcmitsuba.scene.components.placed_component import ray_offset
 from drcmitsuba.scene.geometry import normals
 from drcmitsuba.scene.materials import bsdf
+from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.structures import unit_cell
 from drcmitsuba.scene.structures.recipe import load_recipe
@@ -213,7 +214,7 @@ def test_a_beam_leaves_the_component_as_it_leaves_the_endless_structure(name, el
         for s in placed.surfaces
         if s.name.endswith((" structure", " casing"))
     }
-    world = mi.load_dict({"type": "scene", **shapes}, optimize=False)
+    world = mitsuba_scene(shapes)  # one kernel traces both
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(1, 2 * count)
     recipe = load_recipe(shipped_folder() / f"{name.split('/')[0]}/recipe.toml")
