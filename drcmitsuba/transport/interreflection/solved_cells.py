@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -124,8 +124,8 @@ class Transfer:
     """Sums over all bounces of all replicates, once they have been computed."""
     _sent: dict[range, RayMatrix] = field(default_factory=dict, init=False, repr=False)
     """Matrices W·T that have been made, by replicates."""
-    _matrices: dict[int, csr_matrix] = field(default_factory=dict, init=False, repr=False)
-    """Matrices T that have been made, by replicate."""
+    _matrices: dict[int, Any] = field(default_factory=dict, init=False, repr=False)
+    """Matrices T that have been made, by replicate: `csr_matrix`, which Dr.Jit cannot look up."""
     _followed: dict[tuple[int, int, int], _LastBounces] = field(
         default_factory=dict, init=False, repr=False
     )
