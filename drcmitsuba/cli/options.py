@@ -59,9 +59,12 @@ def argument(metavar: str, text: str) -> ArgumentInfo:
     return typer.Argument(metavar=metavar, help=text)
 
 
-def option(metavar: str, text: str) -> OptionInfo:
-    """Option with the name of its value in the help, and the text of the help."""
-    return typer.Option(metavar=metavar, help=text)
+def option(metavar: str, text: str, *names: str) -> OptionInfo:
+    """Option with the name of its value in the help, the text of the help, and names of its own.
+
+    One whose value is named as its parameter needs a name: typer 0.27 would make it `--TIME`.
+    """
+    return typer.Option(*names, metavar=metavar, help=text)
 
 
 def _output(metavar: str, text: str, is_folder: bool = False) -> OptionInfo:

@@ -62,7 +62,9 @@ def _scale(text: str, tone: Tone) -> tuple[float, float]:
 def render(
     case: CaseName,
     view: Annotated[str | None, option("NAME", "View of the case; not needed for one.")] = None,
-    time: Annotated[str | None, option("TIME", "Local standard time, as 03-21 10:30.")] = None,
+    time: Annotated[
+        str | None, option("TIME", "Local standard time, as 03-21 10:30.", "--time")
+    ] = None,
     times: Annotated[
         Path | None, option("FILE", "CSV with a column `time`: one picture for each.")
     ] = None,

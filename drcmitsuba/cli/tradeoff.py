@@ -18,7 +18,9 @@ def tradeoff(
     case: CaseName,
     output: Output = Path("tradeoff"),
     weather: Weather = None,
-    minutes: Annotated[float, option("MINUTES", "Time limit of the command [min].")] = 10.0,
+    minutes: Annotated[
+        float, option("MINUTES", "Time limit of the command [min].", "--minutes")
+    ] = 10.0,
 ) -> None:
     """Show what accuracy costs in time: error and seconds of many settings of a case."""
     from drcmitsuba.annual.tradeoff import tradeoff as measure
