@@ -21,7 +21,7 @@ from tests.validation import unfolded_duct
 
 @pytest.fixture(autouse=True)
 def _variant():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
 
 
 # --- a duct a hundred times as long as it is wide

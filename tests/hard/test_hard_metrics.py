@@ -37,7 +37,7 @@ SHARPEST = 1e6
 
 @pytest.fixture(autouse=True)
 def _variant():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
 
 
 def dated(values, start="2015-01-01T08:00"):

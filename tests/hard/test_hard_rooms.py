@@ -34,7 +34,7 @@ UP = np.array([[0.0, 0.0, 1.0]])
 
 @pytest.fixture(autouse=True)
 def _variant():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
 
 
 def quad(corner, u, v):

@@ -35,7 +35,7 @@ MEEUS = 0.01 + 8.8 / 3600
 
 @pytest.fixture(autouse=True)
 def _variant():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
 
 
 def by_meeus(time, site):

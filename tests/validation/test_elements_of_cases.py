@@ -68,7 +68,7 @@ def replicates(light, one, choice, panes=False, state="open"):
 
 @pytest.fixture(scope="module", autouse=True)
 def _variant():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
 
 
 def same_sums(same, ours, theirs, within, sun_within):

@@ -21,7 +21,7 @@ FINE = {"replicates": 32, "paths": 1024, "cell_size": 0.2, "sensor_sky_rays": 40
 
 @pytest.fixture(scope="module", autouse=True)
 def _variant():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
 
 
 def both(one, states):

@@ -28,7 +28,7 @@ SUNS = np.array([[0, -np.cos(h), np.sin(h)] for h in np.radians(ELEVATIONS)])
 
 @pytest.fixture(autouse=True)
 def _variant():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
 
 
 def room(south, north):

@@ -82,7 +82,7 @@ def test_a_view_in_a_wall_or_in_furniture_is_refused(position, complaint, tmp_pa
 
 
 def test_views_of_a_model_stand_beside_those_of_the_case(tmp_path):
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
     (tmp_path / "floor.rad").write_text(
         "void plastic floor 0 0 5 .3 .3 .3 0 0\nfloor polygon f 0 0 12 0 0 0 4 0 0 4 5 0 0 5 0\n"
     )

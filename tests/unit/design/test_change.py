@@ -72,7 +72,7 @@ RULES = Rules(Metrics(), 1000.0, 0.02, 1.0)
 
 @pytest.fixture(autouse=True)
 def _variant():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
 
 
 @pytest.fixture(scope="module")
@@ -223,7 +223,7 @@ def required(year, quantity, at_least, **changes):
 
 @pytest.fixture(scope="module")
 def year():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
     return SyntheticYear(Tiles.grid(6, 1), time=120, grid=(4, 6))
 
 

@@ -34,7 +34,7 @@ from tests.unit.plugins.test_measured import write
 
 @pytest.fixture(autouse=True, scope="module")
 def _variant():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
 
 
 @pytest.fixture(scope="module")

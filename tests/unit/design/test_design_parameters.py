@@ -22,12 +22,12 @@ WALL = 8.8 * 3.6
 
 @pytest.fixture(autouse=True)
 def _variant():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
 
 
 @pytest.fixture(scope="module")
 def year():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
     return SyntheticYear(Tiles.grid(6, 3))
 
 

@@ -28,7 +28,7 @@ ELSEWHERE = {"floor": 0.5, "ceiling": 0.6, "walls": 0.8, "table": 0.1}
 
 @pytest.fixture(autouse=True)
 def _variant():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
 
 
 def case_of(seed=0, replicates=2, **more):
@@ -53,7 +53,7 @@ def case_of(seed=0, replicates=2, **more):
 
 @pytest.fixture(scope="module")
 def year():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
     return daylight.daylight(case_of())
 
 

@@ -20,7 +20,7 @@ from tests.unit.design.film_room import PRISM_FILM, case_of, other_film
 
 @pytest.fixture(autouse=True, scope="module")
 def _variant():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
 
 
 @pytest.fixture(scope="module")

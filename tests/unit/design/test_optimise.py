@@ -31,12 +31,12 @@ ONE_SENSOR = 100 / 24
 
 @pytest.fixture(autouse=True)
 def _variant():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
 
 
 @pytest.fixture(scope="module")
 def year():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
     return SyntheticYear(Tiles.grid(6, 6), time=120, grid=(4, 6))
 
 

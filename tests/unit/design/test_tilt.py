@@ -44,7 +44,7 @@ polygons = [[[0, 0], [4, 0], [14, 4, 10], [4, 20], [0, 20]]]
 
 @pytest.fixture(autouse=True)
 def _variant():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
 
 
 def case(folder, text=SLATS, design=None, strip="lamellae", **changes):

@@ -29,7 +29,7 @@ CASE = {
 
 @pytest.fixture(autouse=True)
 def _variant():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
 
 
 # ---- counted by eye --------------------------------------------------------------------------

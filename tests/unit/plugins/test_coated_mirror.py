@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 
 from drcmitsuba.model.materials import MirrorMaterial
-from drcmitsuba.runtime import backend
 from drcmitsuba.scene.materials import bsdf
 
 ANGLES = np.array([0.0, 20, 45, 60, 75, 85, 89])
 
 
-@pytest.fixture(autouse=True, params=["llvm_ad_mono", "llvm_ad_rgb"])
-def _variant(request):
-    backend.select(request.param if backend.llvm_version() else None)
+@pytest.fixture(autouse=True)
+def _variant(variant):
+    """Each of them."""
 
 
 def local(cosine, count=1):

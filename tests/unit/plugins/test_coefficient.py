@@ -33,7 +33,7 @@ from tests.unit.plugins.small_scenes import (
 
 @pytest.fixture(autouse=True)
 def _variant():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
 
 
 # Any scene: furnace, Mitsuba's own integrators, linearity, turning

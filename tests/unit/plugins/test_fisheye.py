@@ -13,7 +13,7 @@ AT, ALONG, UP = (1.0, 2.0, 3.0), (1.0, -2.0, 0.5), (0.1, 0.0, 1.0)
 
 @pytest.fixture(autouse=True)
 def _variant():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
 
 
 def camera(mapping, angle=180.0, angle_up=None, size=(40, 30), **film):

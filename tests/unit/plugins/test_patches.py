@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from drcmitsuba_plugins.patches import Patches, patch_index
 
+from drcmitsuba.runtime import backend
 from tests import SHARED, skips
 
 REFERENCE = SHARED / "reference"
@@ -12,7 +13,7 @@ REFERENCE = SHARED / "reference"
 
 @pytest.fixture(scope="module", autouse=True)
 def _variant():
-    mi.set_variant("llvm_ad_mono")
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
 
 
 def look_up(directions, subdivision):

@@ -14,7 +14,7 @@ SUNS = np.array([[0, 0, 1], [0.6, 0, 0.8], [0, -0.6, 0.8]])
 
 @pytest.fixture(autouse=True)
 def _variant():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
 
 
 def mirror(reflectance):

@@ -11,7 +11,7 @@ from tests.unit.plugins.test_photon_map import WINDOW, mirrored_scene, photon_ma
 
 @pytest.fixture(autouse=True)
 def _variant():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
 
 
 @pytest.mark.parametrize(

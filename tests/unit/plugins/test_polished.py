@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from drcmitsuba.model.materials import MirrorMaterial
-from drcmitsuba.runtime import backend
 from drcmitsuba.scene.materials import bsdf, mean_albedo
 from tests.unit.plugins.small_scenes import chi2
 
@@ -15,9 +14,9 @@ MATERIAL = MirrorMaterial(type="mirror", reflectance=0.5, specular=0.1, polished
 COSINES = [1.0, 0.5, 0.2, 0.05]
 
 
-@pytest.fixture(autouse=True, params=["llvm_ad_mono", "llvm_ad_rgb"])
-def _variant(request):
-    backend.select(request.param if backend.llvm_version() else None)
+@pytest.fixture(autouse=True)
+def _variant(variant):
+    """Each of them."""
 
 
 def interaction(cosine, count):

@@ -80,7 +80,7 @@ def weights(bsdf, si):
 
 def check(name, folder):
     """Every answer for an undefined direction is 0; a frame of zeros hides where `up` is."""
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
     bsdf = mi.load_dict(parameters(name, folder))
     undefined = [interaction(w) for w in (NAN, INFINITE, ZERO, (*UNIT[:2], np.nan))]
     if name in WITH_UP:
@@ -123,7 +123,7 @@ def test_undefined_directions_give_0(name, tmp_path):
 
 @pytest.mark.parametrize("name", [*MEASURED, *OTHERS])
 def test_an_interaction_that_was_given_no_frame_works_or_is_refused_in_one_line(name, tmp_path):
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
     made = parameters(name, tmp_path)
     bsdf, si = mi.load_dict(made), mi.SurfaceInteraction3f()
     si.wi = vector(UNIT)
@@ -136,7 +136,7 @@ def test_an_interaction_that_was_given_no_frame_works_or_is_refused_in_one_line(
 
 
 def test_an_undefined_direction_takes_a_bin_of_the_sky():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
     sky = mi.load_dict({"type": "tregenza_sky"})
     for w in (NAN, INFINITE, ZERO):
         assert sky.bin_of(vector(w)).numpy() < sky.bin_count
@@ -145,7 +145,7 @@ def test_an_undefined_direction_takes_a_bin_of_the_sky():
 
 @pytest.mark.parametrize("name", OTHERS)
 def test_masks_of_the_caller_stay_as_they_were(name, tmp_path):
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
     bsdf, active = mi.load_dict(parameters(name, tmp_path)), mi.Bool([True])
     si, ctx = interaction((1.0, 0.0, 0.0)), mi.BSDFContext()
     bsdf.eval_pdf(ctx, si, vector(UNIT), active)

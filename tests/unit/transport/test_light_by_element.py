@@ -60,7 +60,7 @@ def direct(case, state):
 
 @pytest.fixture(scope="module")
 def with_house():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
     one = case(furniture=[OPPOSITE])
     return one, light_of(one)
 
