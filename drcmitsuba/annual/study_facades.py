@@ -27,7 +27,7 @@ from drcmitsuba.runtime.content_key import content_key
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.scene.sensors import sensor_points
-from drcmitsuba.scene.tiled_facades import TiledVariants, refuse_unlike
+from drcmitsuba.scene.tiled_facades import TiledFacades, refuse_unlike
 from drcmitsuba.sky.daylight import Daylight, daylight
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import elements as by_element
@@ -166,7 +166,7 @@ def _fits(cases: Sequence[Case], suns: Suns) -> bool:
     first = cases[0]
     try:
         refuse_unlike(cases)
-        tiled = TiledVariants.of(cases)
+        tiled = TiledFacades.of_variants(cases)
     except InputError:  # of a row, which tells so when it is evaluated by itself
         return False
     sensors, subdivision = len(sensor_points(first)[0]), first.sky.subdivision

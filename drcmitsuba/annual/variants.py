@@ -22,7 +22,7 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.scene.enabled_effects import EnabledEffects
-from drcmitsuba.scene.tiled_facades import TiledVariants, refuse_unlike
+from drcmitsuba.scene.tiled_facades import TiledFacades, refuse_unlike
 from drcmitsuba.sky.daylight import Daylight, daylight_and_year
 from drcmitsuba.transport import elements as by_element
 
@@ -53,7 +53,7 @@ class SharedElements:
 
     cases: Sequence[Case]
     light: Daylight
-    tiled: TiledVariants
+    tiled: TiledFacades
     scope: EnabledEffects
     """Effects that were simulated: those that any of the cases calls for."""
     channels: tuple[by_element.LightByElement, ...]
@@ -90,7 +90,7 @@ class SharedElements:
             remarks = [notes(case) for case in cases]  # reads the films' files, which may be unfit
             light = daylight_and_year(first) if light is None else light
             scope = _joined([plan(case, light).scope for case in cases])
-            tiled = TiledVariants.of(cases)
+            tiled = TiledFacades.of_variants(cases)
         with run.timed("elements") as done:
             channels = light_of_channels(tiled.case, tiled.panes, light.suns, accuracy, scope, done)
         return cls(cases, light, tiled, scope, channels, remarks, run)

@@ -16,7 +16,7 @@ from drcmitsuba.runtime import progress
 from drcmitsuba.runtime.errors import printable
 from drcmitsuba.runtime.progress import Stage
 
-COMPILING = ("forecast", "open façade", "shaded façade", "façade basis", "rays", "search")
+COMPILING = ("forecast", "open façade", "shaded façade", "light by tile", "rays", "search")
 """Stages that begin by compiling kernels, unless earlier runs have."""
 
 

@@ -44,7 +44,7 @@ class Change:
     level: str
     """Level that is not reached."""
     now: Verdict
-    """The façade as it is, judged by the basis."""
+    """The façade as it is, judged by the same light paths."""
     changed: Verdict
     """The façade with the least change that reaches the level; the one that comes nearest to it if
     none does."""

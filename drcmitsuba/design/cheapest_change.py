@@ -1,6 +1,6 @@
 """The least change of a façade that reaches the next level of a standard, from one simulation.
 
-case ─ Layout ──────────► façade basis: C of every tile and material, all replicates
+case ─ Layout ──────────► light by tile and material, all replicates
      ─ present ─────────► composition as it is
      ─ least_change ────► composition of the least changed area that reaches the level
      ─ standards.verdict ► both compositions judged by the same light paths: interval, probability
@@ -39,7 +39,7 @@ def cheapest_changes(
     """Find the least change for the next level of each of several verdicts on one case.
 
     Its period is that of each standard. Where none can be told, a refusal says why: of all
-    standards if a basis cannot hold the case.
+    standards if a search cannot hold the case.
     """
     found: list[Change | Refusal] = []
     facades = dict[PeriodTable, Facades]()
@@ -61,7 +61,7 @@ def level_above(judged: Verdict) -> int:
         got = f"no level can be stated: {judged.undecided}"
         raise InputError(judged.standard, "levels", got, "ask for a change by another standard")
     if read(judged.standard).hours == "equinox":
-        got = "moments of clear days, which no basis of a façade holds"
+        got = "moments of clear days, which no search holds"
         raise InputError(judged.standard, "hours", got, "ask for a change by another standard")
     target = 1 + max((i for i, level in enumerate(judged.levels) if level.reached), default=-1)
     if target == len(judged.levels):

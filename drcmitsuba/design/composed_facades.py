@@ -13,6 +13,8 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import SHADED
 from drcmitsuba.case.sun import Adaptive, TrueSun
 from drcmitsuba.design import present_facade
+from drcmitsuba.design.facade_tiles import TiledLight
+from drcmitsuba.design.facade_year import FacadeYear
 from drcmitsuba.design.layout import Layout
 from drcmitsuba.design.problem import FacadeProblem
 from drcmitsuba.design.realise import realise
@@ -25,7 +27,6 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.standards import Evidence
-from drcmitsuba.transport.facade_basis import Basis, BasisYear
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,25 +37,25 @@ class Facades:
     ----------
     layout : Layout
         Contents of `[design]`.
-    basis : Basis
-        Façade basis with all replicates.
+    tiled : TiledLight
+        Light by tile with all replicates.
     light : Daylight
         Daylight of the case's period.
     """
 
     layout: Layout
-    basis: Basis
+    tiled: TiledLight
     light: Daylight
 
     @classmethod
     def of(cls, case: Case, stage: Stage = silent) -> Facades:
-        """Simulate the façade basis of a case with `[design]`.
+        """Simulate the light by tile of a case with `[design]`.
 
         Raises
         ------
         InputError
             The search for a façade cannot hold the case: it has no `[design]`, tilts lamellae, is
-            of a model, has components, groups or other materials, or its basis is too large.
+            of a model, has components, groups or other materials, or is too large.
         """
         if case.design is not None and case.design.component is not None:
             got = "the tilt of lamellae is searched, not a façade"
@@ -64,43 +65,41 @@ class Facades:
         layout = Layout.of(case)
         heights = present_facade.heights(layout)
         backend.select()
-        return cls(layout, *layout.basis(heights, stage=stage))
+        return cls(layout, *layout.light(heights, stage=stage))
 
     @cached_property
     def present(self) -> np.ndarray:
         """Composition as the façade is, shape (tile, material)."""
-        basis = self.basis
-        return present_facade.composition(self.layout, basis.tiles, basis.palette.names)
+        return present_facade.composition(self.layout, self.tiled.tiles, self.tiled.materials)
 
     @cached_property
     def problem(self) -> FacadeProblem:
         """Parameters of the façade; transmittances stay as they are."""
-        year = BasisYear.of(self.basis, self.light)
+        year = FacadeYear.of(self.tiled, self.light)
         return replace(self.layout.problem(year), factors=())
 
     def evidence(self, share: np.ndarray) -> Evidence:
         """Evidence of a composition (tile, material): E with its C and L."""
-        layout, basis, light = self.layout, self.basis, self.light
-        tiles, names = basis.tiles, basis.palette.names
+        layout, tiled, light = self.layout, self.tiled, self.light
+        tiles, names = tiled.tiles, tiled.materials
         built = realise(layout.case, layout.side, tiles, share, names, layout.film)
-        share = np.asarray(share, np.float32)
-        coefficients, direct = coefficients_of(basis, share, plan(built, light))
+        coefficients, direct = coefficients_of(tiled, share, plan(built, light))
         E = illuminance(coefficients, light.sky, direct)
         E.attrs["step_hours"] = light.step_hours
         return Evidence(E, coefficients, light.sky, drawing(built), layout.case.source)
 
 
 def coefficients_of(
-    basis: Basis, share: np.ndarray, planned: Plan
+    tiled: TiledLight, share: np.ndarray, planned: Plan
 ) -> tuple[Coefficients, xr.Dataset]:
     """C of a façade, shaded only for hours in which the shade may close, and its direct sun."""
     case, light = planned.facts.case, planned.facts.light
-    is_open = basis.coefficients(share)
+    is_open = tiled.coefficients(share)
     marked = attributes(case, light, planned.scope)
     coefficients = Coefficients(is_open.assign_attrs(marked))
     every = direct_sun(coefficients, light.every.sky)
     direct = every if light.year is None else every.isel(time=light.rows)
     if planned.simulated.shading is None or not may_close(case, light.step_hours, every).any():
         return coefficients, direct
-    shaded = basis.coefficients(share @ basis.palette.closing)
+    shaded = tiled.coefficients(share, closed=True)
     return Coefficients(coefficients.open, {SHADED: shaded}), direct

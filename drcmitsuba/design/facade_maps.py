@@ -16,10 +16,10 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from drcmitsuba.design.facade_tiles import Tiles
 from drcmitsuba.design.parameters import Parameter, Values, inward
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import choose
-from drcmitsuba.transport.facade_basis import Tiles
 
 THIN = 1e-6
 """Height that counts as none [m]."""

@@ -12,6 +12,8 @@ from drcmitsuba.case.design import Design
 from drcmitsuba.case.facade import Facade
 from drcmitsuba.case.sun import Adaptive, TrueSun
 from drcmitsuba.design.facade_maps import Panes, Strips, Window
+from drcmitsuba.design.facade_tiles import TiledLight
+from drcmitsuba.design.facade_year import FacadeYear
 from drcmitsuba.design.optimise import FacadeOptimum, Search
 from drcmitsuba.design.parameters import Factor, Map, Parameter
 from drcmitsuba.design.problem import FacadeProblem, Goal
@@ -21,10 +23,13 @@ from drcmitsuba.model.materials import DiffuserMaterial, GlazingMaterial, check_
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.runtime.toml import Side, checked
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
+from drcmitsuba.scene.tiled_facades import TiledFacades
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.daylight import daylight as daylight_of
-from drcmitsuba.transport import facade_basis
-from drcmitsuba.transport.facade_basis import BasisYear
+from drcmitsuba.transport import elements
+from drcmitsuba.transport.elements import LightByElement
 
 ROWS = 6
 
@@ -74,6 +79,9 @@ class Layout:
         case.refuse_components("the search for a façade")
         case.refuse_groups("the search for a façade")
         assert case.room is not None
+        if scene.is_coloured(case):
+            got = "a reflectance differs between channels"
+            raise InputError(case.source, "room", got, "make it grey, or evaluate each case")
         assert design.film is not None  # with a component in its place, one stands
         side: Side = design.side or case.glazed[0]
         facade = case.facade.get(side, Facade())
@@ -114,38 +122,40 @@ class Layout:
         """Edges of the rows, from the bottom up, shape (rows + 1,) [m]."""
         return np.linspace(*self.band, self.rows + 1)
 
-    def year(self, stage: Stage = silent) -> facade_basis.BasisYear:
-        """Year of the façade's basis under the daylight of the case's period.
+    def year(self, stage: Stage = silent) -> FacadeYear:
+        """Façade under the daylight of the case's period.
 
         Raises
         ------
         InputError
-            The weather is unfit, or a basis cannot represent the case.
+            The weather is unfit, or a search cannot represent the case.
         """
-        return facade_basis.BasisYear.of(*self.basis(self.heights, 1, stage))
+        return FacadeYear.of(*self.light(self.heights, 1, stage))
 
-    def basis(
-        self, heights: np.ndarray, groups: int | None = None, stage: Stage = silent
-    ) -> tuple[facade_basis.Basis, Daylight]:
-        """Façade basis with tiles between heights [m], and the daylight of the case's period.
+    def light(
+        self, heights: np.ndarray, kept: int | None = None, stage: Stage = silent
+    ) -> tuple[TiledLight, Daylight]:
+        """Light by tiles between heights [m], and the daylight of the case's period.
 
-        True suns replace an adaptive sun model, whose mesh would follow one composition. `groups`
-        and errors are those of `facade_basis.compute`.
+        True suns replace an adaptive sun model, whose mesh would follow one composition. `kept` and
+        errors are those of `transport.elements.compute`.
         """
         case = self.case
         if isinstance(case.sun, Adaptive):
             case = case.with_tables(sun=TrueSun())
         with stage("sky"):
             daylight = daylight_of(case)
-        wall = facade_basis.Wall(case, self.side)
-        materials = ("wall", self.clear, self.film)
-        tiles, palette = facade_basis.of_grid(wall, heights, self.segments, materials)
-        with stage("façade basis") as done:
-            basis = facade_basis.compute(
-                wall, tiles, palette, daylight.suns, case.accuracy,
-                groups=groups, subdivision=case.sky.subdivision, progress=done,
-            )  # fmt: skip
-        return basis, daylight
+
+        def of_tiles(tiled: TiledFacades) -> LightByElement:
+            with stage("light by tile") as done:
+                return elements.compute(
+                    tiled.case, tiled.panes, daylight.suns, case.accuracy, ALL_EFFECTS,
+                    kept=kept, progress=done,
+                )  # fmt: skip
+
+        fills = ("wall", self.clear, self.film)
+        tiles = TiledLight.of(case, self.side, heights, self.segments, fills, of_tiles)
+        return tiles, daylight
 
     @property
     def search(self) -> Search:
@@ -166,7 +176,7 @@ class Layout:
             materials[name] = checked(type(materials[name]), table, case.source)
         return case.with_tables(materials=materials)
 
-    def problem(self, year: BasisYear) -> FacadeProblem:
+    def problem(self, year: FacadeYear) -> FacadeProblem:
         """Optimisation problem of a year.
 
         Raises
@@ -244,7 +254,7 @@ class Layout:
             position=Parameter("position", 0.0, 1.0, 1.0),
         )
 
-    def _factors(self, year: BasisYear) -> tuple[Factor, ...]:
+    def _factors(self, year: FacadeYear) -> tuple[Factor, ...]:
         """Materials whose transmittance is free."""
         factors = []
         named = _transmittances(self.case, self.design, self.clear)

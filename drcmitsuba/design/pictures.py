@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from drcmitsuba.design.facade_tiles import Tiles
 from drcmitsuba.design.measure import NAMES
 from drcmitsuba.design.optimise import Front
 from drcmitsuba.design.problem import FacadeScore
@@ -16,7 +17,6 @@ from drcmitsuba.design.search import Optimum
 from drcmitsuba.design.tilt_search import TiltOptimum
 from drcmitsuba.report import plots
 from drcmitsuba.report.plots import BLUE, GREY, INK, ORANGE
-from drcmitsuba.transport.facade_basis import Tiles
 
 WALL, GLASS, FILM = "#D9D4CC", "#A9D8F2", "#E69F00"
 """Colours of plaster, clear panes and film; colour-blind readers can tell them apart."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from drcmitsuba.case.facade import Facade
+from drcmitsuba.design.facade_tiles import Tiles
 from drcmitsuba.design.layout import Layout
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.transport.facade_basis import Tiles
-from drcmitsuba.transport.facade_basis.tiling import material_at
+from drcmitsuba.scene.facade_rectangles import fill_at
 
 APART = 1e-3
 """Least distance of two edges of tiles [m]."""
@@ -55,7 +55,7 @@ def composition(layout: Layout, tiles: Tiles, materials: tuple[str, ...]) -> np.
     """
     facade = _facade(layout)
     left, right, bottom, top = tiles.bounds.T
-    names = material_at(facade, layout.length, (left + right) / 2, (bottom + top) / 2)
+    names = fill_at(facade, layout.length, (left + right) / 2, (bottom + top) / 2)
     return (names[:, None] == np.array(materials)).astype(float)
 
 

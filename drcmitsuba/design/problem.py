@@ -21,11 +21,18 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.design.measure import Aim, Measure, RatedCandidate, RatedProblem, Score
+from drcmitsuba.design.facade_year import FacadeYear
+from drcmitsuba.design.measure import (
+    Aim,
+    Illuminances,
+    Measure,
+    RatedCandidate,
+    RatedProblem,
+    Score,
+)
 from drcmitsuba.design.parameters import Factor, Map, Parameter, Values
 from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.transport.facade_basis.year import BasisYear, Illuminances
 
 AREA_TOLERANCE = 2e-3
 """Largest tolerated deviation of the panes' area, as a fraction of the required area."""
@@ -98,7 +105,7 @@ class FacadeProblem(RatedProblem):
         materials.
     """
 
-    year: BasisYear
+    year: FacadeYear
     facade: Map
     goal: Goal
     factors: tuple[Factor, ...] = ()

@@ -9,9 +9,9 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.facade import THINNEST, Facade, Strip
+from drcmitsuba.design.facade_tiles import Tiles
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import Side
-from drcmitsuba.transport.facade_basis import Tiles
 
 MOST_SEGMENTS = 200
 ALIGNED = 0.01

@@ -1,4 +1,4 @@
-"""A level of a standard asked of façades of one basis: hard outcome and smooth margins.
+"""A level of a standard asked of façades of one room: hard outcome and smooth margins.
 
 A margin is how far a quantity lies above its limit, in parts of all points or of the limit's hours:
 
@@ -19,6 +19,7 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba import metrics
+from drcmitsuba.design.measure import Illuminances
 from drcmitsuba.metrics import smooth, smooth_step
 from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.runtime.flat_arrays import flat_indices
@@ -27,7 +28,6 @@ from drcmitsuba.standards.quantities import Counted, count, stamps_needed
 from drcmitsuba.standards.standard import Level, Limit, Quantity, Standard
 from drcmitsuba.standards.verdict import Outcome, outcome
 from drcmitsuba.standards.year import OF_LIGHT, StandardYear
-from drcmitsuba.transport.facade_basis.year import Illuminances
 
 ALL_POINTS = 100.0
 """Limit [%] at which the hours of the worst point tell more than the share of the points."""
@@ -110,7 +110,7 @@ class Requirement:
         out["total"] = dims, np.where(closed.values[:, None], shaded, open)
         none = np.zeros_like(open)
         out = out.assign({f"{name}_se": (dims, none) for name in OF_LIGHT.values()})
-        return StandardYear(Evidence(out, None, None, {}, "façade basis"), self.at)
+        return StandardYear(Evidence(out, None, None, {}, "light by tile"), self.at)
 
     def _hard_margin(self, limit: Limit, counted: Counted, space: int | None) -> float:
         if self._quantity(limit).of == "mean":

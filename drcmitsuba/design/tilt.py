@@ -1,6 +1,6 @@
 """Tilt of lamellae as a design variable, by simulations that share their random numbers.
 
-A façade with components has no basis: turned mirrors send light elsewhere, so every tilt is a
+Light of lamellae is no sum over tilts: turned mirrors send light elsewhere, so every tilt is a
 simulation of its own. Differences take the place of gradients,
 
     dE/dθ = [E(θ + h) − E(θ − h)] / 2h,
@@ -39,6 +39,7 @@ from drcmitsuba.case.groups import SHADED
 from drcmitsuba.design.measure import (
     ASE_TOLERANCE,
     Aim,
+    Illuminances,
     Measure,
     RatedCandidate,
     RatedProblem,
@@ -56,7 +57,6 @@ from drcmitsuba.scene.structures.recipe import Lamellae, load_recipe
 from drcmitsuba.schema import by_luminance, luminance
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.daylight import daylight as daylight_of
-from drcmitsuba.transport.facade_basis.year import Illuminances
 
 
 class TiltGoal(NamedTuple):

@@ -70,14 +70,6 @@ class Stream(Enum):
     """Light on cells, of all replicates; `Draw`."""
     SENSORS = (1, 1, _N)
     """Light on sensors, of all replicates; `Draw`."""
-    BASIS_FILMS = (_N, 0, _N, 0, _N)
-    """Light on the films of a façade basis; replicate, material, `Draw`."""
-    BASIS_PANES = (_N, 0, _N, 1, _N)
-    """Light on the scattering panes of a façade basis; replicate, material, `Draw`."""
-    BASIS_SCATTERED = (_N, 1, _N, _N, _N)
-    """Scattered light on the receivers of a basis; replicate, material, kind, `Draw`."""
-    BASIS_STRAIGHT = (_N, 1, _N, _N, _N, _N)
-    """Straight light on the receivers of a basis; replicate, material, kind, tile, `Draw`."""
 
     def key(self, *indices: int) -> tuple[int, ...]:
         """Key of a launch: the form, with the indices in their places, as many as it has."""

@@ -195,17 +195,11 @@ def ceiling(room: Room, holes: list[np.ndarray]) -> list[np.ndarray]:
     return quads
 
 
-def facade_quads(case: Case, side: Side, rectangles: np.ndarray) -> np.ndarray:
-    """Corners (rectangle, 4, 3) of rectangles on a side, fronts inward, in the world frame [m].
+def rectangles_on(room: Room, side: Side, rectangles: np.ndarray) -> np.ndarray:
+    """Corners (rectangle, 4, 3) of rectangles on a side, fronts inward, in the room's frame [m].
 
     Each row of `rectangles` (rectangle, 4) is left, right, bottom and top from the side's foot [m].
     """
-    assert case.room is not None
-    return rectangles_on(case.room, side, rectangles) @ rotation(case).T
-
-
-def rectangles_on(room: Room, side: Side, rectangles: np.ndarray) -> np.ndarray:
-    """Corners (rectangle, 4, 3) as from `facade_quads`, in the room's own frame [m]."""
     foot, along = side_of(room, side)
     along = along / np.linalg.norm(along)
     quads = [_upright(foot, along, *edges) for edges in rectangles]

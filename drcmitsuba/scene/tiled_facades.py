@@ -1,9 +1,10 @@
-"""Façades of several variants of a room, cut into tiles that have one fill in each of them."""
+"""Façades cut into tiles: those of several variants of a room, or a grid that a search fills."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,173 +14,177 @@ from drcmitsuba.case.groups import GroupStates
 from drcmitsuba.model.materials import Lambertian, Reflectance, SurfaceMaterial
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import Side, shortened
+from drcmitsuba.scene.facade_rectangles import FRAME, between, rectangles_of
 from drcmitsuba.scene.fills import HOLE, WALL
 from drcmitsuba.scene.geometry import SIDES, rectangles_on
 from drcmitsuba.scene.materials import shade_covers
 from drcmitsuba.scene.pane_groups import PaneGroups, TiledSide
 
-FRAME = "(frame)"
-"""Fill of a tile: the opaque frame around panes."""
+
+class _Tile(NamedTuple):
+    name: str
+    side: Side
+    rectangles: np.ndarray
+    """Left, right, bottom and top from the foot of the wall [m], shape (rectangle, 4)."""
+    fills: tuple[str, ...]
+    """Fill in every variant, or every fill that may stand in the tile."""
 
 
 @dataclass(frozen=True, eq=False)
-class TiledVariants:
-    """Variants of a case by tiles."""
+class TiledFacades:
+    """Glazed sides of a room of boxes, cut into tiles."""
 
     case: Case
-    """The first variant without its façades, groups and shade, with the materials of all."""
+    """The case without its façades, groups and shade, with the materials of all variants."""
     panes: PaneGroups
-    """Tiles as openings, with the fills that they have in any variant, and the shade."""
+    """Tiles as openings, with every fill that may stand in them, and the shade."""
+    rectangles: tuple[np.ndarray, ...]
+    """Left, right, bottom and top of the rectangles of every tile, from the foot of its wall [m],
+    shape (rectangle, 4)."""
+    fills: tuple[tuple[str, ...], ...]
+    """Names of the fills by tile: materials, `HOLE`, `WALL` or `FRAME`."""
     drawn: tuple[dict[int, np.ndarray], ...]
     """Shares (fill,) of every tile in each variant, the shade open."""
 
     @classmethod
-    def of(cls, cases: Sequence[Case]) -> TiledVariants:
-        """Cut the façades of variants, which differ in nothing else.
+    def of_variants(cls, cases: Sequence[Case]) -> TiledFacades:
+        """Cut the façades of variants, which differ in nothing else, along the edges of all.
 
         Raises
         ------
         InputError
             The case has no room, or no variant has a window.
         """
-        first, tiles = cases[0], []
-        sides = [side for side in SIDES if any(side in case.glazed for case in cases)]
-        if first.room is None or not sides:
+        tiles: list[_Tile] = []
+        rest: dict[Side, np.ndarray] = {}
+        for side in SIDES:
+            if any(side in case.glazed for case in cases):
+                of_side, rest[side] = _tiles(cases, side)
+                tiles += of_side
+        rows = [tuple(tile.fills[i] for tile in tiles) for i in range(len(cases))]
+        return cls._of(cases, tiles, rest, rows)
+
+    @classmethod
+    def of_grid(
+        cls, case: Case, side: Side, heights: np.ndarray, segments: int, fills: tuple[str, ...]
+    ) -> TiledFacades:
+        """Cut a side by a grid, every tile of which may have any fill, and the others as drawn.
+
+        Parameters
+        ----------
+        heights : np.ndarray
+            Edges of the rows, from the lowest to the highest [m].
+        segments : int
+            Number of equal parts that rows are cut into along the wall.
+        fills : tuple of str
+            Names of materials, `HOLE` or `WALL`; the first one stands in the tiles as drawn.
+
+        Returns
+        -------
+        TiledFacades
+            Tiles of the grid first, row by row from below, segments from the foot of the wall.
+
+        Raises
+        ------
+        InputError
+            The case has no room.
+        """
+        if case.room is None:
+            raise InputError(case.source, "room", "there is none", "give sides of a [room] strips")
+        length, height = case.room.wall(side)
+        x, z = np.linspace(0, length, segments + 1), np.asarray(heights, float)
+        grid = between(x, z)
+        tiles = [_Tile(f"{side} {k}", side, r[None], fills) for k, r in enumerate(grid)]
+        # A row of wall below the grid, and one above it.
+        edges = np.array([0.0, z[0], z[-1], height])
+        around = between(np.array([0.0, length]), edges)[[0, 2]]
+        rest = {side: around[around[:, 3] - around[:, 2] > 1e-5]}
+        drawn = [fills[0]] * len(tiles)
+        for other in SIDES:
+            if other != side and other in case.glazed:
+                of_side, rest[other] = _tiles([case], other)
+                tiles += of_side
+                drawn += [tile.fills[0] for tile in of_side]
+        return cls._of([case], tiles, rest, [tuple(drawn)])
+
+    @classmethod
+    def _of(
+        cls, cases: Sequence[Case], tiles: Sequence[_Tile], rest: Mapping[Side, np.ndarray],
+        rows: Sequence[tuple[str, ...]],
+    ) -> TiledFacades:  # fmt: skip
+        """Put tiles into a case; `rest` is the wall around them, `rows` the fill of every tile in
+        each variant.
+        """
+        first = cases[0]
+        if first.room is None or not tiles:
             remedy = "give sides of a [room] strips"
             raise InputError(first.source, "facade", "no window", remedy)
         materials = {name: m for case in cases for name, m in case.materials.items()}
-        around: dict[Side, TiledSide] = {}
-        for side in sides:
-            of_side, rest = _tiles(cases, side)
-            quads = {name: rectangles_on(first.room, side, r) for name, r, _ in of_side}
-            around[side] = TiledSide(rectangles_on(first.room, side, rest), quads)
-            tiles += [(name, side, fills) for name, _, fills in of_side]
         shade = None if first.shading is None else first.shading.material
 
         def material(name: str, side: Side) -> SurfaceMaterial | None:
             facades = (case.facade[side] for case in cases if side in case.facade)
             assert first.room is not None
-            opaque = {WALL: first.room.walls, FRAME: next(facades).frame_reflectance}
-            if name in opaque:
-                return Lambertian(opaque[name])
+            if name == FRAME:
+                return Lambertian(next(facades).frame_reflectance)
+            if name == WALL:
+                return Lambertian(first.room.walls)
             return None if name == HOLE else materials[name]
 
-        states, kinds, rows = [], [], tuple(dict[int, np.ndarray]() for _ in cases)
-        for g, (_, side, fills) in enumerate(tiles):
-            names = list(dict.fromkeys(fills))
-            is_clear = any(shade_covers(material(name, side)) for name in names)
+        fills, kinds = [], []
+        for tile in tiles:
+            names = list(dict.fromkeys(tile.fills))
+            is_clear = any(shade_covers(material(name, tile.side)) for name in names)
             if shade is not None and is_clear and shade not in names[1:]:
                 names.append(shade)
-            states.append(tuple(name.replace("/", "-") for name in names))
-            kinds.append([material(name, side) for name in names])
-            for row, fill in zip(rows, fills, strict=True):
-                row[g] = np.eye(len(names), dtype=np.float32)[names.index(fill)]
+            fills.append(tuple(names))
+            kinds.append([material(name, tile.side) for name in names])
+        states = tuple(tuple(name.replace("/", "-") for name in names) for names in fills)
+        cut = {
+            side: TiledSide(
+                rectangles_on(first.room, side, around),
+                {t.name: rectangles_on(first.room, side, t.rectangles)
+                 for t in tiles if t.side == side},
+            )
+            for side, around in rest.items()
+        }  # fmt: skip
         panes = PaneGroups(
-            GroupStates(tuple(name for name, *_ in tiles), tuple(states)),
-            {(name, side): g for g, (name, side, _) in enumerate(tiles)},
+            GroupStates(tuple(tile.name for tile in tiles), states),
+            {(tile.name, tile.side): g for g, tile in enumerate(tiles)},
             (),
-            tuple((side,) for _, side, _ in tiles),
+            tuple((tile.side,) for tile in tiles),
             tuple(tuple(of_tile[1:]) for of_tile in kinds),
             tuple(of_tile[0] for of_tile in kinds),
-            around,
+            cut,
         )
-        bare = {side: Facade() for side in first.facade if side not in sides}
+        drawn = tuple(
+            {
+                g: np.eye(len(names), dtype=np.float32)[names.index(fill)]
+                for g, (names, fill) in enumerate(zip(fills, row, strict=True))
+            }
+            for row in rows
+        )
+        bare = {side: Facade() for side in first.facade if side not in rest}
         tables = {"materials": materials, "facade": bare, "shading": None, "groups": {}}
-        return cls(first.with_tables(**tables), panes, rows)
+        rectangles = tuple(tile.rectangles for tile in tiles)
+        return cls(first.with_tables(**tables), panes, rectangles, tuple(fills), drawn)
 
 
-def _tiles(
-    cases: Sequence[Case], side: Side
-) -> tuple[list[tuple[str, np.ndarray, tuple[str, ...]]], np.ndarray]:
-    """Tiles of a side, each with its name, its rectangles (rectangle, 4), and its fill in every
-    variant; and the rectangles of wall around them [m].
-    """
+def _tiles(cases: Sequence[Case], side: Side) -> tuple[list[_Tile], np.ndarray]:
+    """Tiles of a side, and the rectangles of wall around them [m]."""
     room = cases[0].room
-    assert room is not None
+    if room is None:
+        return [], np.zeros((0, 4))
     facades = [case.facade.get(side, Facade()) for case in cases]
     rectangles, names = rectangles_of(facades, *room.wall(side))
     varies = (names != WALL).any(axis=1)
     kinds, tile = np.unique(names[varies], axis=0, return_inverse=True)
     tile = np.ravel(tile)
     made = [
-        (f"{side} {k}", rectangles[varies][tile == k], tuple(map(str, kind)))
+        _Tile(f"{side} {k}", side, rectangles[varies][tile == k], tuple(map(str, kind)))
         for k, kind in enumerate(kinds)
     ]
     return made, rectangles[~varies]
-
-
-def rectangles_of(
-    facades: Sequence[Facade], length: float, height: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Rectangles of a wall, along the edges of all of several façades, and their fills.
-
-    Returns
-    -------
-    rectangles : np.ndarray, shape (rectangle, 4)
-        Left, right, bottom and top from the foot of the wall [m].
-    names : np.ndarray of str, shape (rectangle, façade)
-        As from `fill_at`.
-    """
-    edges = [edges_of(facade, length) for facade in facades]
-    x = cut(set().union(*(e[0] for e in edges)), length)
-    z = cut(set().union(*(e[1] for e in edges)), height)
-    rectangles = between(x, z)
-    centre = rectangles[:, :2].mean(axis=1), rectangles[:, 2:].mean(axis=1)
-    names = np.stack([fill_at(f, length, *centre) for f in facades], axis=1).astype(str)
-    return rectangles, names
-
-
-def between(x: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Rectangles between the edges x and z, shape (rectangle, 4), row by row from below."""
-    left, bottom = (a.ravel() for a in np.meshgrid(x[:-1], z[:-1]))
-    right, top = (a.ravel() for a in np.meshgrid(x[1:], z[1:]))
-    return np.stack([left, right, bottom, top], axis=1)
-
-
-def fill_at(facade: Facade, length: float, x: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Name the fill of a façade at points.
-
-    Parameters
-    ----------
-    length : float
-        Length of the wall [m].
-    x, z : np.ndarray, shape (point,)
-        Position along the wall from its foot, and height [m].
-
-    Returns
-    -------
-    np.ndarray of str, shape (point,)
-        Names of materials, `HOLE`, `WALL` or `FRAME`.
-    """
-    names = np.full(len(x), WALL, dtype=object)
-    width, half = length / facade.segments, facade.frame / 2
-    segment = np.clip((x / width).astype(int), 0, facade.segments - 1)
-    across = x - segment * width
-    for strip in facade.strips:
-        inside = (z > strip.bottom) & (z < strip.top)
-        if strip.segments is not None:
-            inside &= np.isin(segment, strip.segments)
-        names[inside] = HOLE if strip.material == "open" else strip.material
-        if half > 0 and strip.material != WALL:
-            pane = (z > strip.bottom + half) & (z < strip.top - half)
-            pane &= (across > half) & (across < width - half)
-            names[inside & ~pane] = FRAME
-    return names
-
-
-def cut(edges: set[float], most: float) -> np.ndarray:
-    """Sorted edges from 0 to `most`; edges closer than 10 µm are merged."""
-    every = np.array(sorted({0.0, most, *(e for e in edges if 0 < e < most)}))
-    return every[np.r_[True, np.diff(every) > 1e-5]]
-
-
-def edges_of(facade: Facade, length: float) -> tuple[set[float], set[float]]:
-    """Edges along and up a façade where its fill may change [m]."""
-    half = facade.frame / 2
-    borders = np.arange(facade.segments + 1) * length / facade.segments
-    ends = [end for strip in facade.strips for end in (strip.bottom, strip.top)]
-    x, z = ({float(e + s) for e in at for s in (-half, 0, half)} for at in (borders, ends))
-    return x, z
 
 
 _MAY_DIFFER = {"name", "facade", "materials", "design", "views"}

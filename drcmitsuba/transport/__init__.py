@@ -36,6 +36,4 @@ windows
     D and C by the window that light comes in by; how far points see out.
 elements
     Light by opening and fill: any façade, hour by hour, from one simulation.
-facade_basis
-    C by façade tile and material: any composition from one simulation.
 """

@@ -226,19 +226,14 @@ class Deposit:
                 rays=self.accuracy.pane_points, seed=seed, numbers=numbers, within=within,
             )  # fmt: skip
 
-    def lit(self, replicate: int, material: int | None = None) -> Deposit:
+    def lit(self, replicate: int) -> Deposit:
         """Compute `faces` and `on_films`, the light on the panes, in a replicate.
 
         Light from one film to another, or from a diffusing pane to a film, is not followed
-        here, but by `photons`. Each `material` of a façade basis, an index, has its own random
-        numbers.
+        here, but by `photons`.
         """
         key: Key = (Stream.PANES, replicate)
-        of_films: Key = (Stream.FILMS, replicate)
-        if material is not None:
-            key = (Stream.BASIS_PANES, replicate, material)
-            of_films = (Stream.BASIS_FILMS, replicate, material)
-        films = self._with_films_lit(of_films)
+        films = self._with_films_lit((Stream.FILMS, replicate))
         if films.patches is None:
             return films
         p, n = films.patches.face_points(np.random.default_rng(self.seed(key, Draw.POINTS)))

@@ -1,4 +1,4 @@
-"""Cost of a façade basis, and of compositions and their derivatives after it.
+"""Cost of light by tile, and of compositions and their derivatives after it.
 
 `python -m tests.bench.facade [WEATHER]`: the paper's classroom, cut into few tiles and into many.
 """
@@ -12,9 +12,12 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba import load_case
+from drcmitsuba.design.facade_tiles import TiledLight
+from drcmitsuba.design.facade_year import FacadeYear
 from drcmitsuba.runtime import backend
+from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
 from drcmitsuba.sky.daylight import daylight
-from drcmitsuba.transport import facade_basis
+from drcmitsuba.transport import elements
 
 CUTS = [(3, 1), (27, 1), (6, 6)]
 
@@ -30,22 +33,32 @@ def fastest(function, times=7):
     return min(seconds)
 
 
+def by_tile(case, light, heights, segments, kept):
+    """Light of the classroom by tile, of wall, glass and film."""
+
+    def simulated(tiled):
+        return elements.compute(
+            tiled.case, tiled.panes, light.suns, case.accuracy, ALL_EFFECTS, kept=kept
+        )
+
+    return TiledLight.of(case, "south", heights, segments, ("wall", "glass", "film"), simulated)
+
+
 def main():
     backend.select()
     file = Path(sys.argv[1]) if len(sys.argv) > 1 else None
     case = load_case("classroom/reference/o3").with_weather(file)
     light = daylight(case)
-    print("tiles  basis s   MB  C s    E s    E and 1 reverse pass s  ratio")
+    print("tiles  light s   MB  C s    E s    E and 1 reverse pass s  ratio")
     for rows, segments in CUTS:
-        wall = facade_basis.Wall(case, "south")
         heights = np.linspace(0.9, 3.6, rows + 1)
-        tiles, palette = facade_basis.of_grid(wall, heights, segments, ("wall", "glass", "film"))
         start = time.perf_counter()
-        basis = facade_basis.compute(wall, tiles, palette, light.suns, case.accuracy, groups=1)
+        tiled = by_tile(case, light, heights, segments, kept=1)
         seconds = time.perf_counter() - start
-        year, size = facade_basis.BasisYear.of(basis, light), basis.nbytes / 2**20
-        del basis
-        share = np.zeros((len(tiles), len(palette.names)), np.float32)
+        year, size = FacadeYear.of(tiled, light), tiled.light.nbytes / 2**20
+        tiles, names = tiled.tiles, tiled.materials
+        del tiled
+        share = np.zeros((len(tiles), len(names)), np.float32)
         share[:, :3] = np.random.default_rng(1).dirichlet(np.ones(3), len(tiles))
 
         def primal(year=year, share=share):

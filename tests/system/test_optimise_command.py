@@ -79,6 +79,36 @@ def test_a_search_leaves_its_files_and_prints_its_optimum(run, case, tmp_path):
     assert film * 8.8 == pytest.approx(optimum["film_m2"], abs=0.05)
 
 
+WEST = """
+[facade.west]
+strips = [{ bottom = 0.9, top = 2.7, material = "glass" }]
+"""
+TWO_SIDES = CASE.replace("[design]", '[design]\nside = "south"') + WEST
+BRIGHT = "[metrics]\nsda_threshold = 3000.0"
+
+
+def test_windows_of_other_sides_stay_and_light_the_room(run, case, tmp_path):
+    case.write_text(CASE.replace("[metrics]", BRIGHT))
+    assert run("optimise", case, "-o", tmp_path / "alone")[0] == 0
+    two = TWO_SIDES.replace("[shading]", '[shading]\ngroups = "together"')
+    case.write_text(two.replace("[metrics]", BRIGHT))
+    assert run("optimise", case, "-o", tmp_path / "both")[0] == 0
+    alone, both = (
+        json.loads((tmp_path / k / "optimum.json").read_text()) for k in ("alone", "both")
+    )
+    fresh = json.loads((tmp_path / "both" / "fresh_metrics.json").read_text())
+    assert both["sDA"] > alone["sDA"]
+    point = 100 / 16
+    assert fresh["sDA"]["low"] - point <= both["sDA"] <= fresh["sDA"]["high"] + point
+
+
+def test_shades_that_close_side_by_side_are_refused(run, case, tmp_path):
+    case.write_text(TWO_SIDES)
+    code, _, err = run("optimise", case, "-o", tmp_path / "d")
+    assert code == 2
+    assert "knows one shade for all panes, not façade by façade" in " ".join(err.split())
+
+
 def test_turned_transmittances_are_simulated_afresh(run, case, tmp_path):
     case.write_text(CASE + "shade_vlt = [0.05, 0.2]\n")
     code, out, _ = run("optimise", case, "-o", tmp_path / "d")

@@ -16,7 +16,7 @@ sparse = lazy.module("scipy.sparse")
 
 @dataclass(frozen=True, eq=False)
 class MarkedLight:
-    """Marked vertices of one replicate."""
+    """Marked vertices of one result, the mean over one or several replicates."""
 
     sensor: np.ndarray
     """Sensor whose path met each vertex, int, shape (vertex,)."""
@@ -30,13 +30,13 @@ class MarkedLight:
     """Number of sensors and of blocks."""
 
     @classmethod
-    def by_replicate(
-        cls, marked: MarkedVertices, replicates: int, shape: tuple[int, int]
+    def by_result(
+        cls, marked: MarkedVertices, results: int, shape: tuple[int, int]
     ) -> list[MarkedLight]:
-        """Vertices of every replicate."""
-        replicate, sensor = np.divmod(marked.row, shape[0])
+        """Vertices of every result."""
+        result, sensor = np.divmod(marked.row, shape[0])
         met = elements_of(marked.mark)
-        each = (np.flatnonzero(replicate == r) for r in range(replicates))
+        each = (np.flatnonzero(result == r) for r in range(results))
         return [cls(sensor[at], marked.block[at], marked.weight[at], met[at], shape) for at in each]
 
     @property

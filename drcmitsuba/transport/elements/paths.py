@@ -72,19 +72,19 @@ class ElementPaths(Protocol):
     def blocks(self) -> int:
         """Number of blocks of cells."""
 
-    def matrix(self, replicate: int) -> csr_matrix | np.ndarray:
+    def matrix(self, result: int) -> csr_matrix | np.ndarray:
         """G₀ of the sensors from the cells, shape (sensor, cell)."""
 
-    def onto_blocks(self, replicate: int) -> csr_matrix | np.ndarray:
+    def onto_blocks(self, result: int) -> csr_matrix | np.ndarray:
         """Light of blocks from D of the cells, without openings, shape (block, cell)."""
 
-    def returned(self, replicate: int) -> SentBack:
+    def returned(self, result: int) -> SentBack:
         """Light that openings send back."""
 
 
 def paths_of(
-    world: Scene, points: np.ndarray, normals: np.ndarray, accuracy: Accuracy, marks: Marks, *,
-    on_cells: bool,
+    world: Scene, points: np.ndarray, normals: np.ndarray, accuracy: Accuracy, marks: Marks,
+    draws: int, *, on_cells: bool,
 ) -> ElementPaths:  # fmt: skip
     """Trace the paths of sensors.
 
@@ -94,6 +94,8 @@ def paths_of(
         Scene with the openings, whose fill `marks` draws.
     points, normals : np.ndarray, shape (sensor, 3)
         Positions [m] and unit normals.
+    draws : int
+        Number of replicates whose paths are averaged into one result.
     on_cells : bool
         Whether light between surfaces may be solved on cells.
     """
@@ -108,7 +110,7 @@ def paths_of(
     gathered = Gathered.of(
         world, points, normals, accuracy, block=SENSORS, lanes=PATHS, marks=marks
     )
-    return FollowedPaths(gathered, len(points), accuracy.replicates)
+    return FollowedPaths(gathered, len(points), accuracy.replicates // draws, draws)
 
 
 @dataclass(frozen=True)
@@ -117,38 +119,40 @@ class FollowedPaths:
 
     gathered: Gathered
     sensors: int
-    replicates: int
+    results: int
+    """Number of results, each of `draws` replicates."""
+    draws: int
 
     @cached_property
     def _marked(self) -> MarkedPaths:
-        return MarkedPaths(self.gathered, self.sensors)
+        return MarkedPaths(self.gathered, self.sensors, self.draws)
 
     @cached_property
     def _returned(self) -> list[MarkedLight]:
         shape = self.sensors, self.blocks
-        return MarkedLight.by_replicate(self._marked.marked(), self.replicates, shape)
+        return MarkedLight.by_result(self._marked.marked(), self.results, shape)
 
     @property
     def blocks(self) -> int:
         """Number of blocks of cells."""
         return self._marked.blocks
 
-    def matrix(self, replicate: int) -> csr_matrix | np.ndarray:
+    def matrix(self, result: int) -> csr_matrix | np.ndarray:
         """G₀, see `ElementPaths`."""
-        return self._marked.matrix(replicate)
+        return self._marked.matrix(result)
 
-    def onto_blocks(self, replicate: int) -> csr_matrix:
-        """Shares of cells in the means over blocks, the same in all replicates."""
+    def onto_blocks(self, result: int) -> csr_matrix:
+        """Shares of cells in the means over blocks, the same in all results."""
         return self._marked.means
 
-    def returned(self, replicate: int) -> MarkedLight:
+    def returned(self, result: int) -> MarkedLight:
         """Paths with marks."""
-        return self._returned[replicate]
+        return self._returned[result]
 
 
 @dataclass(frozen=True)
 class SolvedPaths:
-    """Paths that end at their first surface, and rays between cells."""
+    """Paths that end at their first surface, and rays between cells; a result is one replicate."""
 
     gathered: Gathered
     transfer: Transfer
@@ -184,30 +188,30 @@ class SolvedPaths:
         place = of, np.arange(len(of))
         return sparse.csr_matrix((share, place), (self.blocks, len(of)))
 
-    def matrix(self, replicate: int) -> np.ndarray:
+    def matrix(self, result: int) -> np.ndarray:
         """G₀ of all bounces, see `ElementPaths`."""
-        cells, here = self.cells.count, range(replicate, replicate + 1)
+        cells, here = self.cells.count, range(result, result + 1)
         every = Columns(dr.arange(mi.UInt32, cells), 0, cells, 1)
         rows = []
         for some in self.gathered.blocks:
             met, count = self.gathered.met(some), some.stop - some.start
             assert met.mark is not None
             weight = dr.select(met.mark == 0, met.weight, 0)
-            first = PathMatrix(met.cell, weight, self.paths, count, 1, replicate)
+            first = PathMatrix(met.cell, weight, self.paths, count, 1, result)
             to_cells, onward = self._shut.followed(here, first, some)
             rows.append((to_cells.columns(every) + onward(every)).numpy())
         return np.concatenate(rows)
 
-    def onto_blocks(self, replicate: int) -> np.ndarray:
+    def onto_blocks(self, result: int) -> np.ndarray:
         """W + M·W·T₀, see `ElementPaths`."""
-        T = self._shut.matrix(replicate)
-        return np.asarray(self._all_bounces(replicate) @ (self._means @ T) + self._means)
+        T = self._shut.matrix(result)
+        return np.asarray(self._all_bounces(result) @ (self._means @ T) + self._means)
 
-    def returned(self, replicate: int) -> SolvedReturn:
+    def returned(self, result: int) -> SolvedReturn:
         """Rays with marks, from sensors and from cells."""
         of = self.transfer.blocks.of.numpy()
-        source, cell, weight = (a.numpy() for a in self.transfer.bounces[replicate])
-        mark = self.transfer.marks[replicate].numpy()
+        source, cell, weight = (a.numpy() for a in self.transfer.bounces[result])
+        mark = self.transfer.marks[result].numpy()
         here = np.flatnonzero((mark > 0) & (weight > 0))
         share = self._means.data  # of every cell: each is in one block
         order = np.argsort(self._means.indices)
@@ -215,8 +219,8 @@ class SolvedPaths:
             of[source[here]], of[cell[here]], weight[here] * share[order][source[here]],
             elements_of(mark[here]), (self.blocks, self.blocks),
         )  # fmt: skip
-        onto, from_sensors = self._of_sensors(replicate, of)
-        return SolvedReturn(self._all_bounces(replicate), between, onto, from_sensors)
+        onto, from_sensors = self._of_sensors(result, of)
+        return SolvedReturn(self._all_bounces(result), between, onto, from_sensors)
 
     def _all_bounces(self, replicate: int) -> np.ndarray:
         """M, shape (block, block)."""

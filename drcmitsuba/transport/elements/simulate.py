@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,7 @@ TOGETHER = 1 << 26
 
 def compute(
     case: Case, openings: PaneGroups, suns: Suns, accuracy: Accuracy, effects: EnabledEffects, *,
-    channel: int = -1, progress: Progress = lambda share: None,
+    channel: int = -1, kept: int | None = None, progress: Progress = lambda share: None,
 ) -> LightByElement:  # fmt: skip
     """Compute the coefficients of every opening with every fill.
 
@@ -39,6 +40,9 @@ def compute(
     ----------
     case, openings, suns, accuracy, effects, channel
         As for `ElementTrace.of`.
+    kept : int, optional
+        Number of independent results, a divisor of the number of replicates; each is the mean over
+        as many of them. By default every replicate is kept.
     progress : callable
         Takes the share of the work that is done.
 
@@ -52,22 +56,26 @@ def compute(
     InputError
         The case has no openings, or more elements than memory holds.
     """
-    trace = ElementTrace.of(case, openings, suns, accuracy, effects, channel=channel)
+    kept = accuracy.replicates if kept is None else kept
+    draws = accuracy.replicates // kept
+    trace = ElementTrace.of(case, openings, suns, accuracy, effects, channel=channel, draws=draws)
     every = (trace.besides, *trace.elements)
-    _check_size(case, trace, [3 * len(element.bins) for element in every])
-    lights = [_empty(trace, element) for element in every]
+    lit = [e for e in every if not e.is_opaque]
+    _check_size(case, trace, kept, [3 * len(element.bins) for element in lit])
+    lights = [_empty(trace, kept, element) for element in every]
     rows = max(trace.paths.gathered.cells.count, len(trace.points))
-    step = max(1, TOGETHER // (rows * len(trace.labels)))
-    for start in range(0, accuracy.replicates, step):
-        some = range(start, min(start + step, accuracy.replicates))
-        G = [(trace.paths.matrix(r), trace.paths.onto_blocks(r)) for r in some]
+    together = max(1, TOGETHER // (rows * len(trace.labels)))
+    for some in _launches(accuracy.replicates, draws, together):
+        results = range(some.start // draws, (some.stop - 1) // draws + 1)
+        G = [(trace.paths.matrix(k), trace.paths.onto_blocks(k)) for k in results]
         besides = trace.beside(some)
         if besides is not None:
-            _fill(lights[0], some, besides, G)
+            _add(lights[0], results, draws, besides, G)
         for i, (element, light) in enumerate(zip(every[1:], lights[1:], strict=True), 1):
             if not element.is_opaque:
-                _fill(light, some, trace.deposited(element, some, besides), G)
-            progress((start + len(some) * i / len(trace.elements)) / accuracy.replicates)
+                _add(light, results, draws, trace.deposited(element, some, besides), G)
+            done = some.start + len(some) * i / len(trace.elements)
+            progress(done / accuracy.replicates)
     return LightByElement(
         openings=trace.openings,
         positions=trace.positions,
@@ -75,7 +83,7 @@ def compute(
         sky_bins=trace.sky_bins,
         besides=lights[0],
         elements=tuple(lights[1:]),
-        returned=tuple(map(trace.paths.returned, range(accuracy.replicates))),
+        returned=tuple(map(trace.paths.returned, range(kept))),
     )
 
 
@@ -87,9 +95,19 @@ def memory(
     return 4 * openings.starts[-1] * accuracy.replicates * bins * receivers
 
 
-def _empty(trace: ElementTrace, element: Element) -> ElementLight:
+def _launches(replicates: int, draws: int, together: int) -> Iterator[range]:
+    """Yield replicates that share launches: those of whole results, or some of one result's."""
+    whole, step = draws, together
+    if together >= draws:
+        whole, step = replicates, together // draws * draws
+    for start in range(0, replicates, whole):
+        for first in range(start, start + whole, step):
+            yield range(first, min(first + step, start + whole))
+
+
+def _empty(trace: ElementTrace, kept: int, element: Element) -> ElementLight:
     """Light of 0."""
-    shape = trace.accuracy.replicates, len(element.bins)
+    shape = kept, len(element.bins)
     sensors, blocks = len(trace.points), trace.paths.blocks
     deposit = element.deposit
     scatters = bool(deposit.films or deposit.patches or element.photons)
@@ -100,27 +118,36 @@ def _empty(trace: ElementTrace, element: Element) -> ElementLight:
     )
 
 
-def _fill(
-    light: ElementLight, some: range, deposited: ElementDeposit,
+def _add(
+    light: ElementLight, results: range, draws: int, deposited: ElementDeposit,
     gather: list[tuple[Matrix, Matrix]],
 ) -> None:  # fmt: skip
-    """Write the light of some replicates, gathered by the matrices of each."""
+    """Add the light of some replicates to results of `draws` each, gathered by their matrices."""
     by_cell = deposited.cells.numpy()
-    D = by_cell.reshape(len(some), -1, by_cell.shape[1])
-    parts = zip(some, deposited.straight, deposited.direct, D, gather, strict=True)
-    for r, straight, direct, cells, (onto_sensors, onto_blocks) in parts:
+    D = by_cell.reshape(len(deposited.straight), -1, by_cell.shape[1])
+    means = (_summed(a, len(results), draws) for a in (deposited.straight, deposited.direct, D))
+    for k, straight, direct, cells, (onto_sensors, onto_blocks) in zip(
+        results, *means, gather, strict=True
+    ):
         if straight.any():  # memory that is never written is never taken
-            light.straight[r] = straight.T
+            light.straight[k] += straight.T
         if light.direct is not light.straight:
-            light.direct[r] = direct.T
-        light.total[r] = (direct + onto_sensors @ cells).T
-        light.blocks[r] = (onto_blocks @ cells).T
+            light.direct[k] += direct.T
+        light.total[k] += (direct + onto_sensors @ cells).T
+        light.blocks[k] += (onto_blocks @ cells).T
 
 
-def _check_size(case: Case, trace: ElementTrace, arrays: list[int]) -> None:
+def _summed(values: np.ndarray, results: int, draws: int) -> np.ndarray:
+    """Sums over the replicates (replicate, …) of every result, over the number of its draws."""
+    if draws == 1:
+        return values
+    return values.reshape(results, -1, *values.shape[1:]).sum(axis=1) / np.float32(draws)
+
+
+def _check_size(case: Case, trace: ElementTrace, kept: int, arrays: list[int]) -> None:
     """Refuse more elements than memory holds: numbers of bins of each, of all arrays together."""
     receivers = len(trace.points) + trace.paths.blocks
-    each = [4 * trace.accuracy.replicates * receivers * n for n in arrays]
+    each = [4 * kept * receivers * n for n in arrays]
     if sum(each) > MOST_BYTES:
         fit = int(np.searchsorted(np.cumsum(each), MOST_BYTES)) - 1
         got = f"{sum(each) / 2**30:.2g} GiB for {len(each) - 1} openings with one fill each"

@@ -98,7 +98,7 @@ class ElementTrace:
     @classmethod
     def of(
         cls, case: Case, openings: PaneGroups, suns: Suns, accuracy: Accuracy,
-        effects: EnabledEffects, *, channel: int = -1,
+        effects: EnabledEffects, *, channel: int = -1, draws: int = 1,
         wanted: Mapping[int, np.ndarray] | None = None, sensors: slice = slice(None),
     ) -> ElementTrace:  # fmt: skip
         """Trace the paths, and load the scene of every element.
@@ -115,6 +115,8 @@ class ElementTrace:
             and films reflect, as if it came from all directions alike.
         channel : int
             Colour channel, −1 for luminance.
+        draws : int
+            Number of replicates whose paths are averaged into one result.
         wanted : mapping of int to np.ndarray of bool, shape (sun,), optional
             Suns of each element that is asked for; by default all suns of all elements.
         sensors : slice
@@ -137,7 +139,7 @@ class ElementTrace:
             raise InputError(case.source, "groups", got, remedy)
         if groups.starts[-1] > MOST_ELEMENTS:
             got = f"{groups.starts[-1]} fills of all openings"
-            raise InputError(case.source, "groups", got, f"take at most {MOST_ELEMENTS} together")
+            raise InputError(case.source, "elements", got, f"take at most {MOST_ELEMENTS} together")
         points, normals = (each[sensors] for each in sensor_points(case))
         label = groups.label([HIDDEN] * len(groups))
         hidden = scene.load(case, label, channel, effects, openings)
@@ -148,8 +150,8 @@ class ElementTrace:
         world = hidden.searched(full=full, corners=corners)
         # What a film sends back by its lobes is followed on paths.
         is_even = not any(isinstance(m, BsdfMaterial) for each in panes for m in each.materials)
-        on_cells = effects.solved_cells and is_even
-        paths = paths_of(world, points, normals, accuracy, marks, on_cells=on_cells)
+        on_cells = effects.solved_cells and is_even and draws == 1
+        paths = paths_of(world, points, normals, accuracy, marks, draws, on_cells=on_cells)
         labels = (*Patches(case.sky.subdivision).labels, *suns.labels)
         besides, *elements = elements_of_case(
             case, openings, panes, suns, points, normals, accuracy, effects, channel, wanted

@@ -17,6 +17,7 @@ from drcmitsuba.design.change_search import least_change
 from drcmitsuba.design.cheapest_change import cheapest_change, cheapest_changes
 from drcmitsuba.design.composed_facades import Facades
 from drcmitsuba.design.facade_maps import Panes, Strips, Window
+from drcmitsuba.design.measure import Illuminances
 from drcmitsuba.design.optimise import Search
 from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.design.problem import FacadeProblem, Goal
@@ -26,7 +27,6 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.standards import Refusal, read, verdict
 from drcmitsuba.standards.standard import Limit
-from drcmitsuba.transport.facade_basis.year import Illuminances
 from tests.synthetic_year import SyntheticYear, Tiles
 
 CASE = """
@@ -99,9 +99,9 @@ def change(facades, judged):
 
 
 def of_film(facades, share):
-    """Hard sDA [%] of the façade with a share of film, from the same basis."""
+    """Hard sDA [%] of the façade with a share of film, from the same light paths."""
     composition = np.zeros_like(facades.present)
-    names = list(facades.basis.palette.names)
+    names = list(facades.tiled.materials)
     composition[:, names.index("film")] = share
     composition[:, names.index("glass")] = 1 - share
     return facades.problem.hard(composition).aim

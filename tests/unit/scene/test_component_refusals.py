@@ -11,8 +11,6 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene import components
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
-from drcmitsuba.transport import facade_basis
-from drcmitsuba.transport.facade_basis import compute
 from tests.unit.scene.component_cases import (
     CUBE,
     DUCT,
@@ -103,13 +101,7 @@ TASKS = {
     "film": FilmYear.of,
     "interior": lambda room: Interior.of(room, None),
     "tradeoff": tradeoff,
-    "basis": lambda room: compute(*of_grid(room), None, room.accuracy),
 }
-
-
-def of_grid(room):
-    wall = facade_basis.Wall(room, "south")
-    return wall, *facade_basis.of_grid(wall, [1.0, 2.0], 1, ("wall", "glass"))
 
 
 @pytest.mark.parametrize("task", TASKS)

@@ -1,0 +1,299 @@
+"""Compositions of a searched façade, and their year, against simulations of their own."""
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import pytest
+import xarray as xr
+from drcmitsuba_plugins.patches import Patches
+
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.case import Case
+from drcmitsuba.design.facade_tiles import TiledLight
+from drcmitsuba.design.facade_year import FacadeYear
+from drcmitsuba.metrics import accumulate
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import checked
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.sky.daylight import daylight
+from drcmitsuba.transport import coefficients, elements
+
+SIZE = [4.0, 5.0, 3.0]
+MATERIALS = {
+    "glass": {"type": "glazing", "transmittance": 0.65, "reflectance": 0.15},
+    "fabric": {"type": "diffuser", "transmittance": 0.3, "reflectance": 0.5},
+    "shade": {"type": "diffuser", "transmittance": 0.1, "reflectance": 0.4},
+}
+PLAIN = [
+    {"bottom": 0.9, "top": 1.8, "material": "glass"},
+    {"bottom": 1.8, "top": 2.7, "material": "fabric"},
+]
+MIXED = [
+    {"bottom": 0.9, "top": 1.8, "material": "glass", "segments": [0]},
+    {"bottom": 0.9, "top": 1.8, "material": "wall", "segments": [1]},
+    {"bottom": 1.8, "top": 2.7, "material": "fabric", "segments": [1]},
+    {"bottom": 1.8, "top": 2.7, "material": "open", "segments": [0]},
+]
+
+
+HEIGHTS = np.array([0.9, 1.8, 2.7])
+FILLS = ("wall", "glass", "fabric")
+
+
+@pytest.fixture(autouse=True)
+def _backend():
+    backend.select()
+
+
+def room(strips, side="south", frame=0.0, **changes):
+    tables = {
+        "room": {"size": SIZE, "floor": 0.3, "ceiling": 0.8, "walls": 0.6},
+        "materials": MATERIALS,
+        "facade": {side: {"segments": 2, "frame": frame, "strips": strips}},
+        "sensors": {"corner": [0.5, 0.5, 0.8], "count": [3, 4], "spacing": 1.0},
+        "shading": {"material": "shade"},
+        "period": {"months": [3], "hours": [9, 15]},
+        "accuracy": {"paths": 64, "sensor_sky_rays": 512},
+    }
+    return checked(Case, tables | changes, "room.toml")
+
+
+def few(light, count):
+    """Some suns of a period."""
+    labels = np.array(light.suns.labels, dtype=object)
+    return light.suns.only(labels[:: max(1, len(labels) // count)])
+
+
+def by_tile(case, suns, accuracy, *, kept=None, segments=2, fills=FILLS):
+    """Light of a case by the tiles of a grid."""
+
+    def simulated(tiled):
+        return elements.compute(tiled.case, tiled.panes, suns, accuracy, ALL_EFFECTS, kept=kept)
+
+    return TiledLight.of(case, "south", HEIGHTS, segments, fills, simulated)
+
+
+def share_of(*names, fills=(*FILLS, "shade")):
+    """Composition of tiles with one material each, from the bottom left."""
+    return np.array([[name == fill for fill in fills] for name in names], np.float32)
+
+
+# --- compositions
+
+
+def both(tiled, composition, closed, fresh):
+    """Replicates of E [lx] under a mean sky, of a composition and of a simulation."""
+    ours = tiled.coefficients(composition, closed=closed)
+    labels = [*Patches(1).labels, *(b for b in fresh["bin"].values if b.startswith("sun_"))]
+    L = np.where(np.char.startswith(np.array(labels, str), "sun_"), 1e8, 4e3)
+    return [(C["replicates"].sel(bin=labels).values * L).sum(-1) for C in (ours, fresh)]
+
+
+WEST = {"segments": 2, "strips": PLAIN}
+
+
+@pytest.mark.parametrize("sides", [{}, {"west": WEST}], ids=["one side", "two sides"])
+def test_compositions_are_what_they_are_alone(sides):
+    """E in all and by sensor, of plain and mixed façades, in both states; their standard errors."""
+    fills = (*FILLS, "hole")
+    mixed = share_of("glass", "wall", "hole", "fabric", fills=(*fills, "shade"))
+    plain = share_of("glass", "glass", "fabric", "fabric", fills=(*fills, "shade"))
+    light = daylight(room(PLAIN))
+    suns = few(light, 12)
+    accuracy = Accuracy(paths=512, sensor_sky_rays=2048, replicates=8)
+    tables = {"facade": {"south": {"segments": 2, "strips": PLAIN}, **sides}}
+    tiled = by_tile(room(PLAIN, **tables), suns, accuracy, fills=fills)
+    for strips, composition in ((PLAIN, plain), (MIXED, mixed)):
+        case = room(strips, facade={"south": {"segments": 2, "strips": strips}, **sides})
+        for state in ("open", "shaded"):
+            alone = coefficients.compute(
+                scene.load(case, state), *sensor_points(case), suns,
+                accuracy.model_copy(update={"seed": 9}),
+            )  # fmt: skip
+            ours, theirs = both(tiled, composition, state == "shaded", alone)
+            n = len(ours)
+            z = (ours.mean(0) - theirs.mean(0)) / np.sqrt((ours.var(0) + theirs.var(0)) / (n - 1))
+            assert np.abs(z).max() < 6.0  # Šidák over 12 sensors and 8 cases, t of 7 degrees: 0.1 %
+            ours, theirs = ours.mean(1), theirs.mean(1)
+            error = np.sqrt((ours.var() + theirs.var()) / (n - 1))
+            assert abs(ours.mean() - theirs.mean()) < 4 * error
+            assert error < 0.02 * theirs.mean()  # or the line above would say little
+            recombined = tiled.coefficients(composition, closed=state == "shaded")
+            # What fabrics of two sides scatter onto each other is left out, 2 % of direct light.
+            for name in ("straight",) if sides else ("straight", "direct"):
+                a, b = (C[name].sum().item() for C in (recombined, alone))
+                assert a == pytest.approx(b, rel=0.02), name
+
+
+def test_the_shade_stands_before_clear_tiles_only():
+    facade = {"south": {"strips": PLAIN}, "west": WEST}
+    tiled = by_tile(room(PLAIN, facade=facade), few(daylight(room(PLAIN)), 1), Accuracy(paths=16))
+    composition = share_of("glass", "wall", "fabric", "glass")
+    before, behind = (tiled.shares(composition, closed=closed) for closed in (False, True))
+    names = np.array(tiled.names)
+    assert (before[names == "shade"] == 0).all()
+    assert (behind[names == "glass"] == 0).all()
+    assert behind[names == "shade"].tolist() == before[names == "glass"].tolist()
+    for name in ("wall", "fabric"):
+        assert (behind[names == name] == before[names == name]).all()
+    assert before.sum() == behind.sum() == 4 + 2  # a tile of glass and one of fabric in the west
+
+
+# --- years
+
+
+@pytest.fixture(scope="module")
+def grid():
+    backend.select()
+    case = room(PLAIN, facade={"south": {"strips": PLAIN}, "west": WEST})
+    light = daylight(case)
+    return by_tile(case, light.suns, Accuracy(paths=32), kept=1), light
+
+
+def dirichlet(seed, tiles, materials):
+    share = np.zeros((tiles, materials + 1), np.float32)
+    share[:, :materials] = np.random.default_rng(seed).dirichlet(np.ones(materials), tiles)
+    return share
+
+
+def plainly(tiled, composition, name="total", *, closed=False):
+    """Coefficients of a single result, as `accumulate` takes them: C = Σ w C_e + G_m Σ w D_e."""
+    light, shares = tiled.light, tiled.shares(composition, closed=closed)
+    some = [(1, light.besides), *zip(shares, light.elements, strict=True)]
+    C, D = (np.zeros((len(light.labels), n)) for n in (12, light.besides.blocks.shape[2]))
+    for share, element in some:
+        C[element.bins] += share * getattr(element, name)[0]
+        D[element.bins] += share * element.blocks[0]
+    if name == "total":
+        C += D @ light.returned[0].weighed(shares).T
+    dims, labels = ("replicate", "sensor", "bin"), np.array(light.labels, dtype=object)
+    return xr.Dataset({"replicates": (dims, np.array([C.T, C.T]))}, {"bin": labels})
+
+
+def is_coefficients_times_luminances(tiled, light, share):
+    E = FacadeYear.of(tiled, light).illuminance(mi.TensorXf(share))
+    for values, closed in ((E.open, False), (E.shaded, True)):
+        plain = accumulate.by_source(plainly(tiled, share, closed=closed), light.sky)["total"]
+        np.testing.assert_allclose(values.numpy(), plain.values, rtol=2e-4, atol=1e-3)
+    direct = accumulate.by_source(plainly(tiled, share, "straight"), light.sky)["sun"].values
+    np.testing.assert_allclose(E.direct.numpy(), direct, rtol=2e-4, atol=1e-3)
+    return E
+
+
+def test_a_year_is_coefficients_times_luminances(grid):
+    E = is_coefficients_times_luminances(*grid, dirichlet(1, 4, 3))
+    assert E.direct.numpy().max() > 1000
+
+
+def test_a_year_of_several_results_is_their_mean():
+    """But for light that tiles send back, of which products of means are taken."""
+    case = room(PLAIN)
+    light = daylight(case)
+    tiled = by_tile(case, light.suns, Accuracy(paths=256, replicates=6))
+    share = dirichlet(1, 4, 3)
+    E = FacadeYear.of(tiled, light).illuminance(mi.TensorXf(share)).open.numpy()
+    plain = accumulate.by_source(tiled.coefficients(share), light.sky)["total"].values
+    np.testing.assert_allclose(E, plain, rtol=0.005)
+    one = by_tile(case, light.suns, Accuracy(paths=256, replicates=6), kept=1)
+    together = FacadeYear.of(one, light).illuminance(mi.TensorXf(share)).open.numpy()
+    np.testing.assert_allclose(together, E, rtol=0.05)  # G of a replicate by D of another
+    assert together.mean() == pytest.approx(E.mean(), rel=1e-3)
+
+
+def test_gradients_of_a_year_are_its_differences(grid):
+    year = FacadeYear.of(*grid)
+    share, step = dirichlet(2, 4, 3), 0.02
+    weights = [mi.TensorXf(np.random.default_rng(i).random((len(year.months), 12))) for i in (1, 2)]
+
+    def value(share, glass):
+        E = year.illuminance(share, scale={"glass": glass})
+        both = E.open * weights[0] + E.shaded * weights[1] + E.direct
+        return dr.mean((both / 1000).array)
+
+    x, tau = mi.TensorXf(share), mi.Float(0.9)
+    dr.enable_grad(x, tau)
+    dr.backward(value(x, tau))
+    gradient, of_tau = dr.grad(x).numpy(), dr.grad(tau).numpy()[0]
+    assert np.isfinite(gradient).all()
+
+    def at(change, glass=0.9):
+        y = value(mi.TensorXf((share + change).astype(np.float32)), mi.Float(glass))
+        return float(y.numpy().ravel()[0])
+
+    for tile in range(4):
+        for material in range(3):  # the shade stands in no tile of its own
+            h = np.zeros_like(share)
+            h[tile, material] = step
+            slope = (at(h) - at(-h)) / (2 * step)
+            scale = float(np.abs(gradient).max())
+            assert gradient[tile, material] == pytest.approx(slope, rel=0.02, abs=2e-3 * scale)
+    assert of_tau == pytest.approx((at(0, 0.92) - at(0, 0.88)) / 0.04, rel=0.02)
+    # Forward: one direction through all of the composition.
+    h = np.random.default_rng(3).normal(size=share.shape).astype(np.float32)
+    x = mi.TensorXf(share)
+    dr.enable_grad(x)
+    dr.set_grad(x, mi.TensorXf(h))
+    forward = float(dr.forward_to(value(x, mi.Float(0.9))).numpy().ravel()[0])
+    assert forward == pytest.approx(float((gradient * h).sum()), rel=1e-3)
+
+
+def test_all_wall_is_dark_and_finite():
+    case = room(PLAIN)
+    light = daylight(case)
+    year = FacadeYear.of(by_tile(case, light.suns, Accuracy(paths=32), kept=1), light)
+    x = mi.TensorXf(share_of(*["wall"] * 4))
+    dr.enable_grad(x)
+    E = year.illuminance(x)
+    assert E.open.numpy().max() == 0
+    dr.backward(dr.sum(E.open.array))
+    gradient = dr.grad(x).numpy()
+    assert np.isfinite(gradient).all()
+    assert (gradient[:, 1] > 0).all()
+
+
+def test_the_shade_may_be_a_material_of_the_search():
+    """Tiles of fabric have it at all hours, tiles of glass while the shade is closed."""
+    case = room(PLAIN, shading={"material": "fabric"})
+    light = daylight(case)
+    tiled = by_tile(case, light.suns, Accuracy(paths=32), kept=1)
+    assert tiled.materials == FILLS
+    is_coefficients_times_luminances(tiled, light, dirichlet(4, 4, 3)[:, :3])
+
+
+@pytest.mark.parametrize(
+    ("side", "changes"), [("south", {"sun": {"model": "three_phase"}}), ("north", {})]
+)
+def test_no_sun_at_all(side, changes):
+    """Patches stand for the sun, or the façade never sees it."""
+    case = room(PLAIN, side, **changes)
+    light = daylight(case)
+
+    def simulated(tiled):
+        return elements.compute(
+            tiled.case, tiled.panes, light.suns, Accuracy(paths=16), ALL_EFFECTS, kept=1
+        )
+
+    tiled = TiledLight.of(case, side, HEIGHTS, 1, FILLS, simulated)
+    share = share_of("glass", "fabric")
+    E = is_coefficients_times_luminances(tiled, light, share)
+    assert (E.open.numpy() > 0).all()
+    assert (E.direct.numpy().max() == 0) == (side == "north")  # patches are seen straight
+
+
+def test_a_year_refuses_another_sky(grid):
+    with pytest.raises(InputError, match="subdivision of this sky"):
+        FacadeYear.of(grid[0], daylight(room(PLAIN, sky={"subdivision": 2})))
+
+
+def test_a_year_refuses_other_suns(grid):
+    other = room(PLAIN, period={"months": [4], "hours": [9, 15]})
+    with pytest.raises(InputError, match="compute the light for this sky"):
+        FacadeYear.of(grid[0], daylight(other))
+
+
+def test_a_scale_of_no_material_is_refused(grid):
+    with pytest.raises(InputError, match="no material 'gold'"):
+        FacadeYear.of(*grid).illuminance(mi.TensorXf(dirichlet(1, 4, 3)), {"gold": mi.Float(1)})
