@@ -16,7 +16,7 @@ from drcmitsuba.metrics import illuminance
 from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.runtime.provenance import METHOD
 from drcmitsuba.scene.enabled_effects import EnabledEffects
-from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.structures.recipe import Mesh, load_recipe
 from drcmitsuba.sky.daylight import Daylight
 
@@ -86,7 +86,7 @@ def attributes(case: Case, daylight: Daylight, enabled_effects: EnabledEffects) 
 
 def _of_shade(case: Case, enabled_effects: EnabledEffects) -> dict[str, Any]:
     """Groups of panes with their rule and schedules."""
-    groups = PaneGroups.of(case).states
+    groups = prepared(case).groups.states
     if not enabled_effects.shade or len(groups) == 0:
         return {"has_shade": 0}
     threshold, area = case.shade_rule

@@ -17,7 +17,7 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, Stage, part, silent
 from drcmitsuba.scene import scene
-from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.sky.daylight import Daylight, daylight_and_year
 from drcmitsuba.sky.sun_models import Suns
 
@@ -90,7 +90,7 @@ def make_part(case: Case, blocks: BlockFolder, which: BlockPart, stage: Stage = 
     run = replace(Run.of(case), stage=stage, blocks=blocks, part=which)
     with run.timed("sky"):
         begun = _begun(case, run)
-        groups = PaneGroups.of(begun.case)
+        groups = prepared(begun.case).groups
     if len(groups) > 1 or begun.case.groups:
         remedy = "leave it out, or evaluate with --workers"
         raise InputError(case.source, "--block", "beside groups of panes", remedy)

@@ -22,7 +22,7 @@ from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.pane_groups import PaneGroups
-from drcmitsuba.scene.sensors import sensor_coordinates
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.elements import LightByElement, compute
@@ -93,7 +93,7 @@ class ChosenFacade:
         indices = np.array(self.moving.states.indices(state), int)
         shares = self.shares(indices)
         C = joined_channels([light.coefficients(shares) for light in self.channels])
-        C = C.assign_coords(sensor_coordinates(self.case).coords)
+        C = C.assign_coords(prepared(self.case).receivers.coordinates.coords)
         progress(1)
         return self._with_group_of_sun(C, shares) if state == OPEN else C
 

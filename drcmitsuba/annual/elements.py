@@ -33,7 +33,7 @@ from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.scene.fills import Fills, drawn_in, effects_of, openings_of
 from drcmitsuba.scene.pane_groups import PaneGroups
-from drcmitsuba.scene.sensors import sensor_coordinates
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import describe, mean_and_error
 from drcmitsuba.sky.daylight import Daylight, daylight_and_year
 from drcmitsuba.transport import elements as by_element
@@ -174,7 +174,7 @@ class Elements:
         mean, error = mean_and_error(E.transpose("replicate", ...).values)
         dims = [dim for dim in E.dims if dim != "replicate"]
         out = xr.Dataset({"total": (dims, mean), "total_se": (dims, error)}, E.coords)
-        return describe(out.assign_coords(sensor_coordinates(self.case).coords))
+        return describe(out.assign_coords(prepared(self.case).receivers.coordinates.coords))
 
     def _fixed(self, choice: Choice) -> tuple[ChosenFacade, Daylight]:
         """Façade of a choice whose other openings stay as drawn, at the case's own time stamps."""

@@ -43,7 +43,7 @@ from drcmitsuba.metrics.intervals.sun import SunDraws, draw_sun
 from drcmitsuba.metrics.sensor_counts import CountedYear, sensor_counts
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, part
-from drcmitsuba.scene.sensors import sensor_coordinates
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import luminance
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.luminances import sources
@@ -91,7 +91,8 @@ class LargeYear:
         effects = run.enabled_effects
         simulated = case if effects.shade else case.with_tables(shading=None, groups={})
         marked = attributes(case, daylight, effects)
-        return cls(simulated, daylight, run, sensor_coordinates(case).coords.to_dataset(), marked)
+        at = prepared(case).receivers.coordinates.coords.to_dataset()
+        return cls(simulated, daylight, run, at, marked)
 
     @property
     def rules(self) -> Rules:

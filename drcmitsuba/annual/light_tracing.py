@@ -28,9 +28,8 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, Stage, part
 from drcmitsuba.scene import scene
-from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_in_state import grouped_panes
-from drcmitsuba.scene.sensors import sensor_coordinates, sensor_points
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import Daylight, daylight
 from drcmitsuba.sky.sun_models import Suns
@@ -91,7 +90,7 @@ class LightTracing:
                 _coefficients(self.simulated, state, self.suns, [*sensors], self.run, share)
             )
         C = _by_state(parts, [*self.hours])
-        at = sensor_coordinates(self.case).isel(sensor=[*sensors])
+        at = prepared(self.case).receivers.coordinates.isel(sensor=[*sensors])
         return C.assign_coords(at.coords).assign_coords(
             sensor=[*sensors], source=np.array(SOURCES, object)
         )
@@ -128,7 +127,7 @@ def _hours(
     """Whether the façade is in each state at each time stamp, bool (time,), by state."""
     always = np.ones(light.sky.sizes["time"], bool)
     if results is None:
-        has_shade = planned.scope.shade and len(PaneGroups.of(planned.simulated)) > 0
+        has_shade = planned.scope.shade and len(prepared(planned.simulated).groups) > 0
         return dict.fromkeys((OPEN, SHADED) if has_shade else (OPEN,), always)
     if isinstance(results, Result):
         E, path = results.illuminance, Path("results")
@@ -161,7 +160,7 @@ def _windows(case: Case) -> list[WindowPanes]:
 
     Of more than `MOST_WINDOWS` all panes of a direction are one.
     """
-    groups = PaneGroups.of_windows(case)
+    groups = prepared(case).windows
     names = [*groups.states.names]
     if len(names) > MOST_WINDOWS:
         names = [", ".join(facings) for facings in groups.facings]
@@ -175,7 +174,7 @@ def _coefficients(
     case: Case, state: State, suns: Suns, sensors: list[int], run: Run, progress: Progress
 ) -> xr.Dataset:
     """C by window and bounces in a state of the façade, by luminance [sr]."""
-    points, normals = (a[sensors] for a in sensor_points(case))
+    points, normals = prepared(case).receivers.at(sensors)
     accuracy = run.accuracy(case, len(points))
     effects, windows = run.enabled_effects, _windows(case)
     channels = scene.channels_of(case, effects)

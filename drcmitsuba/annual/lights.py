@@ -21,7 +21,7 @@ from drcmitsuba.report.lights import of_period
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, part, silent
-from drcmitsuba.scene.sensors import sensor_coordinates
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import describe
 
 BLOCK = 128
@@ -166,7 +166,7 @@ def lights_of_sensors(
     """
     case = case if isinstance(case, Case) else load_case(case)
     traced = LightTracing.of(case, results, stage)
-    every = range(sensor_coordinates(case).sizes["sensor"])
+    every = range(prepared(case).receivers.coordinates.sizes["sensor"])
     blocks = [every[first : first + BLOCK] for first in every[::BLOCK]]
     parts = []
     with traced.run.timed("who lights the sensors") as done:

@@ -17,6 +17,7 @@ from drcmitsuba.runtime.toml import shortened
 from drcmitsuba.scene.fills import clear_panes
 from drcmitsuba.scene.materials import shade_covers
 from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.prepared_case import prepared
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +117,7 @@ def moving_groups(
 
 def _of_table(case: Case, panes: PaneGroups, first: Mapping[int, np.ndarray]) -> list[MovingGroup]:
     """Groups of `[groups]`, whose open state has the shares `first`."""
-    own = PaneGroups.of(case)
+    own = prepared(case).groups
     schedule, moving = schedule_of(case.groups, own.states), []
     for g, (name, states) in enumerate(zip(own.states.names, own.states.states, strict=True)):
         if len(states) > 1 and g in first and own.facings[g]:

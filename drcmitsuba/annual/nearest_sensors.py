@@ -8,7 +8,7 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.scene.sensors import sensor_coordinates
+from drcmitsuba.scene.prepared_case import prepared
 
 MOST_POINTS = 24
 """Largest number of points."""
@@ -24,7 +24,7 @@ def nearest_sensors(case: Case, points: Sequence[Sequence[float]]) -> list[int]:
     InputError
         No point, too many of them, or one that is far from all sensors.
     """
-    known = sensor_coordinates(case)
+    known = prepared(case).receivers.coordinates
     at, chosen = np.stack([known[axis].values for axis in "xyz"], axis=1), []
     if not 0 < len(points) <= MOST_POINTS:
         got = f"{len(points)} points"

@@ -18,7 +18,7 @@ from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.launch_size import SENSORS
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene import scene
-from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.rays.openings import in_rooms, within_of
 from drcmitsuba.transport.rays.shadow_rays import RIM, sun_deposit
@@ -47,7 +47,7 @@ class PaneGroupOfSun:
     @classmethod
     def of(cls, case: Case, state: State, suns: Suns, run: Run) -> PaneGroupOfSun | None:
         """Load the scenes; None of another state than the open one, and of a single group."""
-        groups = PaneGroups.of(case)
+        groups = prepared(case).groups
         if state != OPEN or len(groups) < 2:
             return None
         suns = suns.where(run.enabled_effects.enabled_suns(suns))

@@ -42,7 +42,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
-from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.sky.daylight import Daylight, daylight_and_year
 from drcmitsuba.sky.luminances import luminances, save_luminances, without_year
 
@@ -229,7 +229,7 @@ class _BegunEvaluation:
             elsewhere = workers.elsewhere(case, blocks, case.accuracy.seed)
         run = replace(Run.of(case), stage=stage, blocks=blocks, elsewhere=elsewhere)
         with run.timed("sky"):
-            sensor_points(case)  # refuses unfit sensors before the work begins
+            prepared(case).check()
             remarks = notes(case)  # reads the films' files, which may be unfit
             if light is None:
                 light = daylight_and_year(case.with_dark_hours() if run.shares_blocks else case)

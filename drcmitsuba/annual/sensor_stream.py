@@ -15,7 +15,7 @@ from drcmitsuba.case.groups import OPEN, State
 from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.scene import scene
-from drcmitsuba.scene.sensors import sensor_coordinates, sensor_points
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficients import compute_blocks
 from drcmitsuba.transport.sun_interpolation import mesh_of
@@ -37,7 +37,7 @@ def sensor_stream(
     Each block is stored by the run before it is yielded, so that a second stream only reads. Of an
     adaptive sun every block refines a mesh of its own, in the open state.
     """
-    (points, normals), at = sensor_points(case), sensor_coordinates(case)
+    (points, normals), at = prepared(case).receivers.at(), prepared(case).receivers.coordinates
     groups = PaneGroupOfSun.of(case, state, suns, run)
     if isinstance(case.sun, Adaptive):
         blocks = _meshed(case, state, suns, latitude, run, progress)
@@ -67,7 +67,7 @@ def _meshed(
     case: Case, state: State, suns: Suns, latitude: float, run: Run, progress: Progress
 ) -> Stream:
     """Yield C of meshes of suns, and of straight light from all suns."""
-    points, normals = sensor_points(case)
+    points, normals = prepared(case).receivers.at()
     for start in range(0, len(points), MESHED):
         here = slice(start, min(start + MESHED, len(points)))
         its, mesh = (latitude, points[here], normals[here]), tuple[str, ...]()
@@ -83,7 +83,7 @@ def channel_stream(
 ) -> Stream:
     """Yield C of one colour channel for the blocks of the run's part; its rays are added to it."""
     world = scene.load(case, state, channel, run.enabled_effects)
-    points, normals = sensor_points(case)
+    points, normals = prepared(case).receivers.at()
     accuracy = run.accuracy(case, len(points))
     subdivision = case.sky.subdivision
     content = block_content(world, points, normals, accuracy, subdivision)

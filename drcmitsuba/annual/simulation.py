@@ -28,7 +28,7 @@ from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.runtime.provenance import METHOD
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
-from drcmitsuba.scene.sensors import sensor_coordinates, sensor_points
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.sun_models import Suns
@@ -87,7 +87,7 @@ def transport(
         A sensor, a material or a component is unfit.
     """
     run = Run.of(case) if run is None else run
-    (points, normals), at = sensor_points(case), sensor_coordinates(case)
+    (points, normals), at = prepared(case).receivers.at(), prepared(case).receivers.coordinates
     among = len(points)
     if sensors is None:
         run.distribute(state, suns, progress)
@@ -166,7 +166,7 @@ def is_kept(case: Case, daylight: Daylight, run: Run) -> bool:
     """Whether C of the open state is stored: a forecast would tell of work that is not done."""
     if run.blocks is None or isinstance(case.sun, Adaptive):
         return False
-    (points, normals), effects = sensor_points(case), run.enabled_effects
+    (points, normals), effects = prepared(case).receivers.at(), run.enabled_effects
     accuracy = run.accuracy(case, len(points))
     world = scene.load(case, OPEN, scene.channels_of(case, effects)[0], effects)
     content = block_content(world, points, normals, accuracy, case.sky.subdivision)
@@ -278,7 +278,7 @@ def _state(
             more = transport(case, state, missing, latitude, run=run, progress=progress)
             accumulator.extend(more)
         return accumulator.coefficients
-    points, normals = sensor_points(case)
+    points, normals = prepared(case).receivers.at()
     accuracy = run.accuracy(case, len(points))
     channels = [known.isel(channel=i, drop=True) for i in range(known.sizes.get("channel", 0))]
     C = joined_channels(

@@ -26,7 +26,7 @@ from drcmitsuba.model.materials import Material
 from drcmitsuba.runtime.content_key import content_key
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, part
-from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.tiled_facades import TiledFacades, refuse_unlike
 from drcmitsuba.sky.daylight import Daylight, daylight
 from drcmitsuba.sky.sun_models import Suns
@@ -169,6 +169,6 @@ def _fits(cases: Sequence[Case], suns: Suns) -> bool:
         tiled = TiledFacades.of_variants(cases)
     except InputError:  # of a row, which tells so when it is evaluated by itself
         return False
-    sensors, subdivision = len(sensor_points(first)[0]), first.sky.subdivision
+    sensors, subdivision = len(prepared(first).receivers), first.sky.subdivision
     size = by_element.memory(tiled.panes.states, suns, first.accuracy, sensors, subdivision)
     return size < MEMORY

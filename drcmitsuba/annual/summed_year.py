@@ -20,7 +20,7 @@ from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.pane_groups import PaneGroups
-from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.transport import elements
@@ -55,9 +55,9 @@ def years_of_states(
         The case has an adaptive sun or a target, and errors of `elements.illuminance`.
     """
     accuracy, effects = accuracy_of(case, run), run.enabled_effects
-    points, normals = sensor_points(case)
+    points, normals = prepared(case).receivers.at()
     channels = scene.channels_of(case, effects)
-    groups, labels = PaneGroups.of(case), Patches(case.sky.subdivision).labels
+    groups, labels = prepared(case).groups, Patches(case.sky.subdivision).labels
     *first, count = groups.states.starts
     L = luminances_of(daylight, (*labels, *daylight.suns.labels))
     shares = elements.chosen(np.array(first), indices, count)
@@ -113,7 +113,7 @@ def accuracy_of(case: Case, run: Run) -> Accuracy:
     if case.accuracy.sensor_goal is not None:
         got = "a target, where light is summed over openings"
         raise InputError(case.source, "accuracy.target", got, "leave it out")
-    return run.accuracy(case, len(sensor_points(case)[0]))
+    return run.accuracy(case, len(prepared(case).receivers))
 
 
 def luminances_of(daylight: Daylight, labels: Sequence[str]) -> csr_matrix:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from drcmitsuba.cli.options import CaseName, Output, Weather, load
 from drcmitsuba.cli.terminal import show_notes
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene.prepared_case import prepared
 
 if TYPE_CHECKING:
     from drcmitsuba.case.case import Case
@@ -31,12 +32,12 @@ def case(case: CaseName, output: Output = Path(), weather: Weather = None) -> No
     from drcmitsuba.scene import geometry
     from drcmitsuba.scene.daylit import darkness_notes, refuse_darkness
     from drcmitsuba.scene.leaks import crack_notes, refuse_leaks
-    from drcmitsuba.scene.sensors import placed_sensors, sensor_points
+    from drcmitsuba.scene.sensors import placed_sensors
     from drcmitsuba.scene.views import views
 
     loaded = load(case, weather)
     backend.select()
-    points, _ = sensor_points(loaded)
+    points, _ = prepared(loaded).receivers.at()
     drawn, panes = _drawn(loaded)
     of_groups = notes_on_groups(loaded.building, loaded.groups)
     remarks = (*loaded.building.notes, *of_groups, *_place_notes(loaded))
@@ -83,9 +84,8 @@ def _grids_listing(case: Case) -> list[str]:
     from drcmitsuba.cli.evaluate import MOST_ROWS
     from drcmitsuba.metrics.grids import sensors_by_grid
     from drcmitsuba.runtime.errors import on_a_line
-    from drcmitsuba.scene.sensors import sensor_coordinates
 
-    grids = sensors_by_grid(sensor_coordinates(case))
+    grids = sensors_by_grid(prepared(case).receivers.coordinates)
     lines = [f"grid {on_a_line(name)}: {len(sensors)} points" for name, sensors in grids.items()]
     return lines[:MOST_ROWS] + [f"{len(lines)} grids in all"] * (len(lines) > MOST_ROWS)
 
@@ -127,10 +127,9 @@ def _panes_by_group(case: Case) -> list[DrawnSurfaces]:
     from drcmitsuba.case.groups import OTHERS
     from drcmitsuba.model.model import areas
     from drcmitsuba.report.scene_view import DrawnSurfaces
-    from drcmitsuba.scene.pane_groups import PaneGroups
     from drcmitsuba.scene.panes_in_state import grouped_panes
 
-    groups, every = PaneGroups.of(case), grouped_panes(case)
+    groups, every = prepared(case).groups, grouped_panes(case)
     if len(groups) < 2 and not case.groups:
         return []
     drawn = []

@@ -11,6 +11,7 @@ from rich.table import Table
 
 from drcmitsuba.cli.options import AsJson, CaseName, OptionalOutput, Weather, load
 from drcmitsuba.cli.terminal import show, show_notes, stages
+from drcmitsuba.scene.prepared_case import prepared
 
 
 def plan(
@@ -21,13 +22,12 @@ def plan(
     from drcmitsuba.plan import plan as decide
     from drcmitsuba.plan.forecast import forecast
     from drcmitsuba.runtime import backend, storage
-    from drcmitsuba.scene.sensors import sensor_points
     from drcmitsuba.sky.daylight import daylight_and_year
 
     loaded = load(case, weather)
     backend.select()
     with stages() as stage, stage("plan") as done:
-        sensor_points(loaded)  # refuses sensors in walls, as an evaluation does
+        prepared(loaded).check()
         remarks = notes(loaded)
         light = daylight_and_year(loaded)
         decided = decide(loaded, light)

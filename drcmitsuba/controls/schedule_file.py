@@ -13,12 +13,12 @@ from drcmitsuba.case.schedule import HOURS
 from drcmitsuba.controls.control import states_of
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.prepared_case import prepared
 
 
 def groups_of(case: Case) -> GroupStates:
     """Groups of panes of a case, and their states, without simulating it."""
-    return PaneGroups.of(case).states
+    return prepared(case).groups.states
 
 
 def save_schedule(states: xr.DataArray, groups: GroupStates, path: str | Path) -> None:

@@ -34,7 +34,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.runtime.random_streams import Draw, Key
 from drcmitsuba.scene import scene
-from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import mean_and_error
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.daylight import daylight as daylight_of
@@ -204,7 +204,7 @@ class FilmYear:
         samples = case.accuracy.sensor_sun_samples if suns.straight else 0
         C = estimate(
             base, [*Patches(subdivision).labels, *cells, *suns.labels],
-            *sensor_points(case), sun_samples=samples, progress=progress,
+            *prepared(case).receivers.at(), sun_samples=samples, progress=progress,
         )  # fmt: skip
         is_cell = np.isin(C["bin"].values.astype(str), cells)
         transfers = C["replicates"].values[..., is_cell]

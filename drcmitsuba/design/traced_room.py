@@ -18,8 +18,8 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.runtime.random_streams import Stream, number_in_replicate
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.schema import positions
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.luminances import blended
@@ -135,7 +135,7 @@ class TracedRoom:
         """
         a = case.accuracy
         world, marks = marked(case, state, rho)
-        points, normals = sensor_points(case)
+        points, normals = prepared(case).receivers.at()
         n = len(points)
         gathered = Gathered.of(
             world, points, normals, a, block=n, lanes=a.replicates * a.paths * n, marks=marks,

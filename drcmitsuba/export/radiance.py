@@ -21,8 +21,7 @@ from drcmitsuba.metrics.bin_luminances import source_luminances
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.geometry import origin
-from drcmitsuba.scene.pane_groups import PaneGroups
-from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.sky.daylight import Daylight, daylight
 
@@ -49,12 +48,12 @@ def save_radiance(case: Case, folder: Path, state: State = OPEN) -> Simulation:
     InputError
         The case is unfit, there is no shade to close, or the folder holds files.
     """
-    if state == SHADED and not len(PaneGroups.of(case)):
+    if state == SHADED and not len(prepared(case).groups):
         got = "shaded, but the case has no shade"
         raise InputError(case.source, "shading", got, "add a table [shading], or leave it open")
     if isinstance(case.sun, Adaptive):
         case = case.with_tables(sun=TrueSun())
-    points, normals = sensor_points(case)
+    points, normals = prepared(case).receivers.at()
     light = daylight(case)
     scene = scene_files(surfaces_of(case, state))
     L_sky, L_suns = _luminances(light)

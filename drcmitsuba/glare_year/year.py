@@ -46,7 +46,7 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.scene.geometry import origin
-from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import describe, mean_and_error
 from drcmitsuba.sky.daylight import Daylight, daylight
 
@@ -142,7 +142,7 @@ def _states_of(case: Case) -> tuple[State, ...]:
     """States in which glare is computed: all groups open, all in their next state, and so on."""
     if case.shading is None and not case.groups:
         return (OPEN,)
-    groups = PaneGroups.of(case).states
+    groups = prepared(case).groups.states
     last = np.array(groups.last)
     each = [groups.label(np.minimum(k, last).tolist()) for k in range(last.max(initial=0) + 1)]
     if len(each) > MOST_STATES:

@@ -14,7 +14,7 @@ from drcmitsuba.plan.effect import Effect
 from drcmitsuba.plan.facts import Facts
 from drcmitsuba.scene.components import PlacedComponent
 from drcmitsuba.scene.materials import albedo, film, lets_through
-from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.scene import is_coloured
 from drcmitsuba.scene.sun_visibility import outside
 from drcmitsuba.transport.mirrors.planar_mirrors import is_planar_mirror, is_rough_mirror
@@ -219,7 +219,7 @@ def obstructions(facts: Facts) -> Effect:
 def shaded_state(facts: Facts) -> Effect:
     """Whether the shade may close, by an upper bound of the direct sun on the sensors."""
     case = facts.case
-    groups = PaneGroups.of(case).states
+    groups = prepared(case).groups.states
     if not len(groups):
         return Effect(False, "no [shading] and no [groups] in the case")
     if case.shading is not None and not case.groups and facts.shadeless:

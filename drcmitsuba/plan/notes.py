@@ -14,7 +14,7 @@ from drcmitsuba.plan import panes
 from drcmitsuba.scene.daylit import darkness_notes
 from drcmitsuba.scene.leaks import crack_notes
 from drcmitsuba.scene.materials import film
-from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.sensors import placed_sensors
 
 MOST_LOST = 1e-3
@@ -50,7 +50,7 @@ def shade_notes(case: Case) -> list[str]:
     """Note which panes close together, where they lie in several planes."""
     if case.shading is None or case.groups:
         return []
-    groups = PaneGroups.of(case)
+    groups = prepared(case).groups
     closing = zip(groups.facings, groups.states.closable, strict=True)
     sides = list(dict.fromkeys(side for facings, closes in closing if closes for side in facings))
     if len(sides) < 2:

@@ -9,8 +9,8 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial
 from drcmitsuba.scene.components import PlacedComponent
 from drcmitsuba.scene.materials import albedo, max_reflectance, mean_albedo
-from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_of_model import panes_of_model
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.sun_visibility import outside
 
 M = TypeVar("M", BsdfMaterial, DiffuserMaterial)
@@ -30,7 +30,7 @@ def used(case: Case) -> dict[str, tuple[str, ...]]:
     for i, side in dict.fromkeys(zip(panes.layer.tolist(), panes.facing, strict=True)):
         name = case.building.layers[i].name
         sides_of[name] = tuple(dict.fromkeys((*sides_of.get(name, ()), side)))
-    groups = PaneGroups.of(case)
+    groups = prepared(case).groups
     names = {id(material): name for name, material in case.materials.items()}
     for group, sides, materials in zip(
         groups.states.names, groups.facings, groups.materials, strict=True

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any
 
@@ -43,7 +44,7 @@ class Plan:
     scope: EnabledEffects
     is_sum: bool = False
 
-    @property
+    @cached_property
     def simulated(self) -> Case:
         """The case as it is simulated: without a shade that never closes."""
         case = self.facts.case

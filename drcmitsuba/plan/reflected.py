@@ -9,7 +9,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.plan import panes
 from drcmitsuba.plan.effect import Effect
 from drcmitsuba.plan.facts import Facts
-from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.surfaces import bounds_of_rooms
 
 NEGLIGIBLE = 1e-3
@@ -56,7 +56,7 @@ def solved_cells(facts: Facts, depth: int | None, sensors: int | None = None) ->
     `depth` is that of `interreflection`; `sensors` is their number, by default that of the case.
     """
     case = facts.case
-    sensors = len(sensor_points(case)[0]) if sensors is None else sensors
+    sensors = len(prepared(case).receivers) if sensors is None else sensors
     a = case.accuracy.of_points(sensors)
     if depth == 0:
         return Effect(False, "every surface is black")

@@ -22,7 +22,7 @@ from drcmitsuba.rendering.rounds import PictureTarget, toward
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
-from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.sky.daylight import Daylight, daylight
 from drcmitsuba.sky.luminances import at_rows
 
@@ -146,7 +146,7 @@ def states_at(case: Case, instants: np.ndarray, stage: Stage = silent) -> list[S
     InputError
         The case has no shade, or an instant is not in the weather.
     """
-    groups = PaneGroups.of(case).states
+    groups = prepared(case).groups.states
     if not len(groups):
         remedy = f"add [shading] or [groups] to the case, or give another state than {APPLIED}"
         raise InputError(case.source, "shading", "none", remedy)

@@ -18,6 +18,8 @@ leaks, daylit
     Rooms of a model that are open to the sky, and those that no daylight enters.
 surfaces, sensors
     All surfaces of a case as plain geometry; points at which illuminance is computed.
+prepared_case
+    Groups of panes and sensors of a case, found once, from which all rooms read.
 flat_panes, box_faces
     Clear panes and walls that rays meet in closed form.
 mitsuba_scenes

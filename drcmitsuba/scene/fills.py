@@ -26,6 +26,7 @@ from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.like_panes import LikePanes, assigned_to, like_panes
 from drcmitsuba.scene.materials import shade_covers
 from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.prepared_case import prepared
 
 HOLE, WALL = "hole", "wall"
 """Fills that are no material: nothing, and the wall of a room of boxes."""
@@ -45,7 +46,7 @@ def openings_of(case: Case, fills: Fills = ()) -> PaneGroups:
         There is no such opening, no such material, or a group whose states the model gives is to
         have further ones; and errors of `PaneGroups.of`.
     """
-    own = _apart(case, PaneGroups.of(case))
+    own = _apart(case, prepared(case).groups)
     if not len(own):
         remedy = "give a façade strips, or the model panes"
         raise InputError(case.source, "facade", "no pane to the outside", remedy)

@@ -23,6 +23,7 @@ from drcmitsuba.scene.geometry import SIDES, origin, recentred, rotation, wall
 from drcmitsuba.scene.like_panes import NO_GROUP
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_of_model import panes_of_model
+from drcmitsuba.scene.prepared_case import prepared
 
 Quads = list[np.ndarray]
 """Rectangles, shape (4, 3) each, fronts inward [m]."""
@@ -43,7 +44,7 @@ class PanesInState:
         cls, case: Case, state: State, effects: EnabledEffects, groups: PaneGroups | None = None
     ) -> PanesInState:
         """Panes of a case in a state, see `case.groups`, by default of its own groups."""
-        groups = PaneGroups.of(case) if groups is None else groups
+        groups = prepared(case).groups if groups is None else groups
         return cls(case, effects, groups, groups.states.indices(state))
 
     def index_of(self, name: str) -> int:
@@ -120,7 +121,7 @@ class PanesInState:
 
 def groups_with_surfaces(case: Case) -> list[str]:
     """Groups of a case whose states change more than panes to the outside."""
-    groups = PaneGroups.of(case)
+    groups = prepared(case).groups
     return [
         layer.group
         for layer, of_quads in zip(case.building.layers, groups.of_quads, strict=True)
@@ -146,8 +147,8 @@ def grouped_panes(
     case: Case, effects: EnabledEffects = ALL_EFFECTS, groups: PaneGroups | None = None
 ) -> list[GroupedPanes]:
     """List the panes of a case by group and material, by default in the groups of the case."""
+    groups = prepared(case).groups if groups is None else groups
     case = recentred(case)
-    groups = PaneGroups.of(case) if groups is None else groups
     front = PanesInState(case, effects, groups, (0,) * len(groups))
     turn, states, found = rotation(case), front.groups.states.states, []
     for side in front.glazed:

@@ -11,7 +11,8 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.sensors import FloorSensors, Sensors
 from drcmitsuba.case.weather import PeriodTable
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.scene.sensors import placed_sensors, sensor_coordinates
+from drcmitsuba.scene.prepared_case import prepared
+from drcmitsuba.scene.sensors import placed_sensors
 from drcmitsuba.sky.daylight import Daylight, daylight, daylight_and_year
 from drcmitsuba.standards.coverage import check_facing, check_spacing, hours_of
 from drcmitsuba.standards.standard import Standard, read
@@ -123,7 +124,7 @@ def _uncovered(case: Case, light: Daylight, names: Sequence[str]) -> dict[str, I
 
 def _unfit(case: Case, standard: Standard) -> InputError | None:
     """Reason why a standard does not accept the points of a case."""
-    at = sensor_coordinates(case)
+    at = prepared(case).receivers.coordinates
     try:
         check_facing(at, case.source)
         check_spacing(standard, at, case.source)

@@ -138,3 +138,12 @@ def test_no_import_cycle():
 def test_every_folder_with_modules_is_a_package():
     folders = {file.parent for folder in FOLDERS.values() for file in folder.rglob("*.py")}
     assert [folder for folder in folders if not (folder / "__init__.py").is_file()] == []
+
+
+def test_what_follows_from_a_case_is_found_in_one_place():
+    """Groups of panes and sensors are those of `scene.prepared_case`, found once for a case."""
+    own = {"scene/prepared_case.py", "scene/sensors.py", "scene/pane_groups.py"}
+    finders = re.compile(r"\b(?:sensor_points|sensor_coordinates|PaneGroups\.of(?:_windows)?)\(")
+    for file in sorted((ROOT / "drcmitsuba").rglob("*.py")):
+        if str(file.relative_to(ROOT / "drcmitsuba")) not in own:
+            assert not finders.findall(file.read_text(encoding="utf-8")), file

@@ -27,7 +27,7 @@ from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.launch_size import PATHS
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
-from drcmitsuba.scene.sensors import sensor_coordinates, sensor_points
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.transport.rays.shadow_rays import sun_deposit
 
@@ -66,7 +66,7 @@ def some_sensors(case: Case, most: int = MOST_SENSORS) -> np.ndarray:
     Sensors that are no rectangular grid are taken as one row.
     """
     grid = case.sensors
-    count = len(sensor_points(case)[0])
+    count = len(prepared(case).receivers)
     nx, ny = grid.count if isinstance(grid, Sensors) else (count, 1)
     if nx * ny != count:  # some were left out
         nx, ny = count, 1
@@ -156,7 +156,7 @@ def trace_reference(case: Case, times: np.ndarray, until: float) -> Reference:
     shading = case.shading
     closed = np.zeros(len(times), bool)
     if shading is not None:
-        at = sensor_coordinates(case).coords
+        at = prepared(case).receivers.coordinates.coords
         as_array = xr.DataArray(direct, at, ("time", "sensor"))
         closed = metrics.shade_closed(as_array, shading.threshold, shading.area).values
     sensors = some_sensors(case)
@@ -203,7 +203,7 @@ def _channels(case: Case) -> Iterator[tuple[int, float]]:
 
 def direct_sun(case: Case, light: ReferenceDaylight) -> np.ndarray:
     """Direct sun on all sensors of a case, shape (time, sensor) [lx]."""
-    points, normals = map(flat, sensor_points(case))
+    points, normals = map(flat, prepared(case).receivers.at())
     lit = light.shining
     E = np.zeros((len(light.sun), dr.width(points) // 3))
     for channel, weight in _channels(case):
@@ -230,7 +230,7 @@ class _TracedState:
     def of(
         cls, case: Case, state: State, light: ReferenceDaylight, sensors: np.ndarray
     ) -> _TracedState:
-        points, normals = (a[sensors] for a in sensor_points(case))
+        points, normals = prepared(case).receivers.at(sensors)
         channels = [
             (_with_sources(scene.load(case, state, channel).full, light), weight)
             for channel, weight in _channels(case)

@@ -24,7 +24,7 @@ from drcmitsuba.plan.forecast import forecast
 from drcmitsuba.runtime import backend, process
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
-from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import luminance
 from drcmitsuba.sky.daylight import daylight
 
@@ -121,7 +121,7 @@ def tradeoff(
     start = time.monotonic()
     until, deadline = (start + 60 * minutes * share for share in (SHARE_OF_REFERENCE, 1))
     backend.select()
-    sensor_points(case)  # refuses unfit sensors before the work begins
+    prepared(case).check()
     light = daylight(case)
     year = light.sky["time"].values
     times = year[some_hours(year)]

@@ -17,8 +17,7 @@ from drcmitsuba.plan.forecast.work import work
 from drcmitsuba.runtime import machine_speed
 from drcmitsuba.runtime.machine_speed import Speed
 from drcmitsuba.runtime.ray_counter import KINDS
-from drcmitsuba.scene.pane_groups import PaneGroups
-from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.surfaces import bounds_of_rooms
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 
@@ -113,11 +112,11 @@ def is_short(plan: Plan) -> bool:
     states, and no photons, and its samples are drawn once. Furniture may double the cells of walls.
     """
     case, scope = plan.simulated, plan.scope
-    sensors = len(sensor_points(case)[0])
+    sensors = len(prepared(case).receivers)
     a = case.accuracy.of_points(sensors)
     photons = plan.effects["components"].on or plan.effects["pane_to_pane"].on
     once = a.sensor_goal is None and not isinstance(case.sun, Adaptive)
-    if photons or not once or len(PaneGroups.of(case).states) > 1:
+    if photons or not once or len(prepared(case).groups.states) > 1:
         return False
     near = bounds_of_rooms(case)
     if case.room is None and near is None:

@@ -24,9 +24,8 @@ from drcmitsuba.runtime import launch_size
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Draw, Stream, launch_seed
 from drcmitsuba.runtime.ray_counter import Purpose
-from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.scene import Scene, load
-from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.cells.cells import CellGrid
 from drcmitsuba.transport.coefficients import compute
@@ -137,7 +136,7 @@ class Pilot:
         """
         case, effects = plan.simulated, plan.scope
         scene = load(case, state, 1 if effects.channels else -1, effects)
-        points, normals = sensor_points(case)
+        points, normals = prepared(case).receivers.at()
         a = case.accuracy.of_points(len(points))
         patches = len(Patches(case.sky.subdivision)) if effects.sky or effects.ground else 0
         bins = patches, len(suns.labels)
@@ -151,7 +150,7 @@ class Pilot:
         film_samples = min(a.film_sky_samples, FILM_SAMPLES)
         less = {"photons": photons, "film_sky_samples": film_samples, "replicates": REPLICATES}
         shared = None if first is None else first.shared
-        if first is None and effects.shade and len(PaneGroups.of(case)):
+        if first is None and effects.shade and len(prepared(case).groups):
             shared = SharedPaths()
         before = scene.ray_counter.counted()["path"]
         C = compute(

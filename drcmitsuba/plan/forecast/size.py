@@ -11,8 +11,7 @@ from drcmitsuba.plan import Plan
 from drcmitsuba.plan.forecast.pilot import Pilot
 from drcmitsuba.plan.forecast.summed import is_summed, states_of_year
 from drcmitsuba.plan.forecast.work import Work
-from drcmitsuba.scene.pane_groups import PaneGroups
-from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.prepared_case import prepared
 
 FLOAT, DOUBLE = 4, 8
 VARIABLES = 10
@@ -106,10 +105,10 @@ def whole_arrays(plan: Plan) -> float:
     It is known without a pilot, as a cache needs it.
     """
     case, light = plan.facts.case, plan.facts.light
-    sensors, channels = len(sensor_points(case)[0]), 3 if plan.scope.channels else 1
+    sensors, channels = len(prepared(case).receivers), 3 if plan.scope.channels else 1
     patches, suns = len(Patches(case.sky.subdivision)), len(light.suns.labels)
     # Further states share the suns between them, or are summed up over a year.
-    most = most_states(PaneGroups.of(case).states)
+    most = most_states(prepared(case).groups.states)
     states = min(most, states_of_year(plan)) if plan.scope.shade else 1
     bins = (1 + plan.scope.shade) * suns + states * patches
     pairs = FLOAT * channels * plan.facts.hours * sensors

@@ -17,8 +17,8 @@ from drcmitsuba.metrics.facade_states import most_states
 from drcmitsuba.plan import Plan
 from drcmitsuba.plan.forecast.pilot import Amount, Pilot
 from drcmitsuba.scene.geometry import normals
-from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_in_state import grouped_panes
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.transport.gather.paths import USUAL
 
 SPARSE = 4.0
@@ -34,7 +34,7 @@ def states_of_year(plan: Plan) -> int:
     the others; every combination of scheduled states may occur with all of these.
     """
     case = plan.simulated
-    groups = PaneGroups.of(case).states
+    groups = prepared(case).groups.states
     schedule = schedule_of(case.groups, groups)
     time = plan.facts.light.sky["time"]
     scheduled = len(np.unique(schedule.indices(time), axis=0))
@@ -51,7 +51,7 @@ def states_of_year(plan: Plan) -> int:
 
 def is_summed(plan: Plan) -> bool:
     """Whether E of a year is a sum over groups of panes, as far as `states_of_year` tells."""
-    groups = PaneGroups.of(plan.simulated).states
+    groups = prepared(plan.simulated).groups.states
     return plan.scope.shade and len(groups) > 1 and states_of_year(plan) > most_states(groups)
 
 
@@ -73,7 +73,7 @@ class GroupSum:
     @classmethod
     def of(cls, plan: Plan, panes_open: Pilot, panes_shut: Pilot) -> GroupSum:
         """Sum of a plan, from the pilots of its first and of its last state."""
-        states = np.array([len(s) for s in PaneGroups.of(plan.simulated).states.states])
+        states = np.array([len(s) for s in prepared(plan.simulated).groups.states.states])
         lit = _lit(plan)
         share = lit.mean(axis=0) if len(lit) else np.zeros(len(states))
         return cls(panes_open, panes_shut, share, states, plan.facts.hours)
@@ -140,7 +140,7 @@ def _lit(plan: Plan) -> np.ndarray:
     shining = light.sky["sun"].values > 0
     suns = light.sun["direction"].transpose("time", "axis").values[shining]
     radius = np.sin(np.radians(case.outside.sun_diameter / 2))
-    lit = np.zeros((len(suns), len(PaneGroups.of(case))), bool)
+    lit = np.zeros((len(suns), len(prepared(case).groups)), bool)
     for panes in grouped_panes(case, plan.scope):
         outward = -np.unique(np.round(normals(panes.quads), 3), axis=0)
         lit[:, panes.group] |= (suns @ outward.T > radius).any(axis=1)

@@ -14,7 +14,7 @@ from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.plan import Plan
 from drcmitsuba.plan.forecast.pilot import Amount, Pilot, spread
 from drcmitsuba.plan.forecast.summed import GroupSum, is_summed, states_of_year
-from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.luminances import sources
 from drcmitsuba.sky.sun_models import Suns, mesh
@@ -114,7 +114,7 @@ def _suns_behind_shade(plan: Plan, pilot: Pilot) -> Suns | None:
     """Suns of the time stamps at which the pilot's sensors close the shade; None without any."""
     every, case = plan.facts.light.every, plan.simulated
     sky = every.sky
-    if not plan.scope.shade or not len(PaneGroups.of(case)):
+    if not plan.scope.shade or not len(prepared(case).groups):
         return None
     if any(group.schedule is not None for group in case.groups.values()):
         return plan.facts.light.suns

@@ -33,7 +33,7 @@ from drcmitsuba.scene.geometry import origin
 from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_in_state import grouped_panes, groups_with_surfaces
-from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.elements.marks import MOST_ELEMENTS, OpeningMarks
 from drcmitsuba.transport.elements.paths import ElementPaths, paths_of
@@ -140,7 +140,7 @@ class ElementTrace:
         if groups.starts[-1] > MOST_ELEMENTS:
             got = f"{groups.starts[-1]} fills of all openings"
             raise InputError(case.source, "elements", got, f"take at most {MOST_ELEMENTS} together")
-        points, normals = (each[sensors] for each in sensor_points(case))
+        points, normals = prepared(case).receivers.at(sensors)
         label = groups.label([HIDDEN] * len(groups))
         hidden = scene.load(case, label, channel, effects, openings)
         marks = OpeningMarks(panes, np.array(groups.starts), channel, effects.beyond)

@@ -17,9 +17,9 @@ from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.launch_size import SHADOW_RAYS
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.geometry import origin, rotation
-from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_in_state import grouped_panes
-from drcmitsuba.scene.sensors import refuse_in_solids, sensor_coordinates, sensor_points
+from drcmitsuba.scene.prepared_case import prepared
+from drcmitsuba.scene.sensors import refuse_in_solids
 from drcmitsuba.transport.windows.deposit import WindowPanes, Windows
 
 ELEVATIONS = (-45, -30, -15, -8, -4, -2, 0, 2, 4, 8, 15, 30, 45)
@@ -57,7 +57,7 @@ def view_distances(
     """
     backend.select()
     if points is None:
-        eyes, coords = sensor_points(case)[0], sensor_coordinates(case).coords
+        eyes, coords = prepared(case).receivers.points, prepared(case).receivers.coordinates.coords
     else:
         given = np.asarray(points, float)
         if given.ndim != 2 or given.shape[1] != 3 or not np.isfinite(given).all():
@@ -86,7 +86,7 @@ def view_distances(
 
 def _clear_windows(case: Case) -> list[WindowPanes]:
     """Openings that are seen through, in the open state."""
-    groups = PaneGroups.of_windows(case)
+    groups = prepared(case).windows
     return [
         WindowPanes(str(panes.group), panes.quads)
         for panes in grouped_panes(case, groups=groups)

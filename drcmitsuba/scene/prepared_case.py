@@ -1,0 +1,93 @@
+"""A case made ready: groups of panes and receivers, which every room reads and none finds twice."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+import xarray as xr
+
+from drcmitsuba.case.case import Case
+from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.sensors import sensor_coordinates, sensor_points
+
+KEPT = 8
+"""Number of cases that are kept ready."""
+
+
+@dataclass(frozen=True, eq=False)
+class Receivers:
+    """Points at which illuminance is computed."""
+
+    points: np.ndarray
+    """Positions in the world frame, relative to the case's `geometry.origin` [m], (sensor, 3)."""
+    normals: np.ndarray
+    """Unit normals, shape (sensor, 3)."""
+    coordinates: xr.Dataset
+    """Coordinates of the sensors, as `sensors.sensor_coordinates` gives them."""
+
+    def __len__(self) -> int:
+        """Count the sensors."""
+        return len(self.points)
+
+    def at(
+        self, some: slice | np.ndarray | list[int] = slice(None)
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and normals of some sensors, by default of all."""
+        return self.points[some], self.normals[some]
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedCase:
+    """What follows from the tables of a case alone; each part is found when it is first asked for.
+
+    Errors are those of the functions that find it.
+    """
+
+    case: Case
+
+    @cached_property
+    def groups(self) -> PaneGroups:
+        """Panes that change together, see `PaneGroups.of`."""
+        return PaneGroups.of(self.case)
+
+    @cached_property
+    def windows(self) -> PaneGroups:
+        """Panes that count as one window, see `PaneGroups.of_windows`."""
+        return PaneGroups.of_windows(self.case)
+
+    @cached_property
+    def receivers(self) -> Receivers:
+        """Sensors, see `sensors.sensor_points`."""
+        points, normals = sensor_points(self.case)
+        for array in (points, normals):
+            array.flags.writeable = False  # every room reads the same ones
+        return Receivers(points, normals, sensor_coordinates(self.case))
+
+    def check(self) -> None:
+        """Refuse unfit sensors and groups before any work begins."""
+        _ = self.receivers, self.groups
+
+
+class _Itself:
+    """Key of a case that only the same object equals: cases are frozen, and large to compare."""
+
+    def __init__(self, case: Case) -> None:
+        self.case = case
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Itself) and self.case is other.case
+
+    def __hash__(self) -> int:
+        return id(self.case)
+
+
+@lru_cache(maxsize=KEPT)
+def _prepared(key: _Itself) -> PreparedCase:
+    return PreparedCase(key.case)
+
+
+def prepared(case: Case) -> PreparedCase:
+    """Make a case ready, once for each case."""
+    return _prepared(_Itself(case))
