@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from drcmitsuba.cli.options import CaseName, Output, Weather, load
 from drcmitsuba.cli.terminal import show_notes
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.scene.prepared_case import prepared
 
 if TYPE_CHECKING:
     from drcmitsuba.case.case import Case
@@ -32,6 +31,7 @@ def case(case: CaseName, output: Output = Path(), weather: Weather = None) -> No
     from drcmitsuba.scene import geometry
     from drcmitsuba.scene.daylit import darkness_notes, refuse_darkness
     from drcmitsuba.scene.leaks import crack_notes, refuse_leaks
+    from drcmitsuba.scene.prepared_case import prepared
     from drcmitsuba.scene.sensors import placed_sensors
     from drcmitsuba.scene.views import views
 
@@ -84,6 +84,7 @@ def _grids_listing(case: Case) -> list[str]:
     from drcmitsuba.cli.evaluate import MOST_ROWS
     from drcmitsuba.metrics.grids import sensors_by_grid
     from drcmitsuba.runtime.errors import on_a_line
+    from drcmitsuba.scene.prepared_case import prepared
 
     grids = sensors_by_grid(prepared(case).receivers.coordinates)
     lines = [f"grid {on_a_line(name)}: {len(sensors)} points" for name, sensors in grids.items()]
@@ -128,6 +129,7 @@ def _panes_by_group(case: Case) -> list[DrawnSurfaces]:
     from drcmitsuba.model.model import areas
     from drcmitsuba.report.scene_view import DrawnSurfaces
     from drcmitsuba.scene.panes_in_state import grouped_panes
+    from drcmitsuba.scene.prepared_case import prepared
 
     groups, every = prepared(case).groups, grouped_panes(case)
     if len(groups) < 2 and not case.groups:

@@ -11,7 +11,6 @@ from rich.table import Table
 
 from drcmitsuba.cli.options import AsJson, CaseName, OptionalOutput, Weather, load
 from drcmitsuba.cli.terminal import show, show_notes, stages
-from drcmitsuba.scene.prepared_case import prepared
 
 
 def plan(
@@ -22,6 +21,7 @@ def plan(
     from drcmitsuba.plan import plan as decide
     from drcmitsuba.plan.forecast import forecast
     from drcmitsuba.runtime import backend, storage
+    from drcmitsuba.scene.prepared_case import prepared
     from drcmitsuba.sky.daylight import daylight_and_year
 
     loaded = load(case, weather)

@@ -1,56 +1,19 @@
-r"""A façade under the sky of a period: illuminance by any composition, with gradients.
-
-.. math:: E = L \, \Big( C_0 + \sum_e w_e C_e + \big( D_0 + \sum_e w_e D_e \big) G_m(w)^T \Big)
-
-with the light by element of `design.facade_tiles`, the means of all replicates. It is the smooth
-twin of `LightByElement.coefficients`, followed by `accumulate.by_source`.
-"""
+"""A searched façade under the sky of a period: illuminance by any composition, with gradients."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.design.facade_tiles import TiledLight, Tiles
-from drcmitsuba.design.measure import Illuminances
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.flat_arrays import flat, flat_indices
-from drcmitsuba.schema import positions
+from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.sky.daylight import Daylight
-from drcmitsuba.sky.luminances import blended
-from drcmitsuba.transport.elements import ElementLight, LightByElement
-from drcmitsuba.transport.elements.marked_light import MarkedLight
-
-Rows = tuple[Any, ...]
-"""Arrays (mi.Float) of equal length, one for each element."""
-AT_ONCE = 64
-"""Number of arrays that one kernel reads."""
-
-
-def mixed(arrays: Rows, weights: mi.Float) -> mi.Float:
-    """Compute Σ weight · array in one pass over the arrays.
-
-    A matrix product, or a loop over one long array, takes six times as long (Dr.Jit 1.5, LLVM).
-    """
-    total = mi.Float(0)
-    for start in range(0, len(arrays), AT_ONCE):
-        for i, array in enumerate(arrays[start : start + AT_ONCE], start):
-            total += dr.gather(mi.Float, weights, i) * array
-        dr.eval(total)
-    return total
-
-
-class _Part(NamedTuple):
-    """Elements that are weighed together, with C and block means of D of each, flat (bin, …)."""
-
-    elements: np.ndarray
-    total: Rows
-    blocks: Rows
+from drcmitsuba.transport.elements.smooth_year import Illuminances, SmoothYear
 
 
 @dataclass(frozen=True)
@@ -61,83 +24,27 @@ class FacadeYear:
     materials: tuple[str, ...]
     """Names of the materials, the columns of a composition."""
     names: tuple[str, ...]
-    """Material of every element."""
+    """Material of every element, "" for light that passes no tile."""
     still: mi.Float
     """Shares of the elements of other sides, the shade open; 1 for light that passes no tile."""
-    closing: mi.TensorXf
-    """Matrix (element + 1, element + 1) that puts the shade before clear panes."""
-    months: np.ndarray
-    """Month of each time stamp, 1 to 12, int, shape (time,)."""
-    step_hours: float
-    """Duration of a time step [h]."""
-    shape: tuple[int, int, int]
-    """Numbers of bins, blocks and sensors."""
-    besides: tuple[mi.Float, mi.Float, mi.Float]
-    """C, block means of D, and C by straight light, of light that passes no tile, flat (bin, …)."""
-    same: _Part
-    """Elements whose shares the shade does not change."""
-    opened: _Part
-    """The others that may have a share while the shade is open."""
-    closed: _Part | None
-    """The others that may have a share while it is closed; None without a shade."""
-    straight: tuple[np.ndarray, Rows]
-    """Elements that straight light passes and the coefficients of each, flat (bin, sensor) [sr],
-    that of the light that passes no tile last."""
-    returned: tuple[mi.UInt32, mi.UInt32, tuple[mi.UInt32, ...], mi.Float]
-    """Sensor, block, elements and weight of paths that met tiles; the number of all elements
-    stands for none."""
-    sky: mi.TensorXf
-    """Luminance [cd/m²], shape (time, sky bin)."""
-    suns: tuple[tuple[mi.UInt32, mi.Float], ...]
-    """Bin and luminance [cd/m²] of each sun that is blended at a time stamp."""
+    year: SmoothYear
 
     @classmethod
     def of(cls, tiled: TiledLight, daylight: Daylight) -> FacadeYear:
-        """Put light by tile under the daylight of a case.
+        """Put light by tile under the daylight of a case; errors are those of `SmoothYear.of`."""
+        year = SmoothYear.of(tiled.light, daylight, tiled.is_open, tiled.closing)
+        still, names = flat(np.append(tiled.as_drawn, 1)), (*tiled.names, "")
+        return cls(tiled.tiles, tiled.materials, names, still, year)
 
-        Raises
-        ------
-        InputError
-            The daylight has bins that the light does not know, or an adaptive sun.
-        """
-        light, sky = tiled.light, daylight.sky
-        _check_sky(light, daylight)
-        bins, elements = _lit(light), light.elements
-        suns = _suns(daylight, light.labels, bins)
-        covered = tiled.is_covered & tiled.is_open
-        shade = (tiled.closing[covered] > 0).any(axis=0)
-        moves = covered | shade
+    @property
+    def months(self) -> np.ndarray:
+        """Month of each time stamp, 1 to 12, int, shape (time,)."""
+        return self.year.months
 
-        passes_none = np.append(np.zeros(len(elements), np.float32), 1)
-
-        def part(mask: np.ndarray) -> _Part:
-            at = np.flatnonzero(mask & [element.is_lit["total"] for element in elements])
-            some = [elements[e] for e in at]
-            return _Part(at, *(_rows(some, name, bins) for name in ("total", "blocks")))
-
-        lit = [element.is_lit["straight"] for element in elements]
-        passed = np.flatnonzero(lit & tiled.is_open)
-        total, blocks, straight = (
-            _rows([light.besides], name, bins)[0] for name in ("total", "blocks", "straight")
-        )
-        return cls(
-            tiles=tiled.tiles,
-            materials=tiled.materials,
-            names=tiled.names,
-            still=flat(np.append(tiled.as_drawn, 1)),
-            closing=mi.TensorXf(np.pad(tiled.closing, (0, 1)) + np.diag(passes_none)),
-            months=sky["clock"].dt.month.values,
-            step_hours=daylight.step_hours,
-            shape=(len(bins), light.besides.blocks.shape[2], len(light.positions)),
-            besides=(total, blocks, straight),
-            same=part(tiled.is_open & ~moves),
-            opened=part(tiled.is_open & moves),
-            closed=part(shade) if moves.any() else None,
-            straight=(passed, _rows([elements[e] for e in passed], "straight", bins)),
-            returned=_returned(light),
-            sky=mi.TensorXf(sky["sky"].values.astype(np.float32)),
-            suns=suns,
-        )
+    @property
+    def step_hours(self) -> float:
+        """Duration of a time step [h]."""
+        return self.year.step_hours
 
     def illuminance(
         self, share: mi.TensorXf, scale: Mapping[str, mi.Float] | None = None
@@ -162,149 +69,15 @@ class FacadeYear:
         InputError
             No tile can have a material of `scale`.
         """
-        is_open, shaded, straight = self.coefficients(share, scale)
-        E = self._accumulated(is_open)
-        E_shaded = E if self.closed is None else self._accumulated(shaded)
-        direct = self._by_sun(straight)
-        dr.eval(E, E_shaded, direct)  # else each metric would compute them again
-        return Illuminances(E, E_shaded, direct)
-
-    def coefficients(
-        self, share: mi.TensorXf, scale: Mapping[str, mi.Float] | None = None
-    ) -> tuple[mi.Float, mi.Float, mi.Float]:
-        """Coefficients of a composition; parameters as for `illuminance`.
-
-        Returns
-        -------
-        open, shaded, straight : mi.Float
-            C with the shade open, C with it closed, and the straight part of the first, flat
-            (bin, sensor) [sr].
-        """
-        weights, factors = dr.concat((share.array, self.still)), self._factors(scale or {})
-        total, blocks, straight = self.besides
-        same = self._sum(self.same, weights * factors, (total, blocks))
-        C = C_shaded = self._with_returned(
-            weights, *self._sum(self.opened, weights * factors, same)
-        )
-        if self.closed is not None:
-            behind = (mi.TensorXf(weights, (1, dr.width(weights))) @ self.closing).array
-            lit = self._sum(self.closed, behind * factors, same)
-            C_shaded = self._with_returned(behind, *lit)
-        passed, rows = self.straight
-        return C, C_shaded, straight + mixed(rows, _taken(weights * factors, passed))
+        shares = dr.concat((share.array, self.still))
+        return self.year.illuminance(shares, self._factors(scale or {}))
 
     def _factors(self, scale: Mapping[str, mi.Float]) -> mi.Float:
-        """Factor of the light of every element, shape (element,)."""
-        factors = dr.ones(mi.Float, len(self.names) + 1)
+        """Factor of the light of every element, and 1."""
+        factors = dr.ones(mi.Float, len(self.names))
         for name, value in scale.items():
             if name not in self.names:
                 known = ", ".join(self.materials)
                 raise InputError("design", "scale", f"no material {name!r}", f"choose of {known}")
-            factors = dr.select(mi.Bool([own == name for own in (*self.names, "")]), value, factors)
+            factors = dr.select(mi.Bool([own == name for own in self.names]), value, factors)
         return factors
-
-    def _sum(
-        self, part: _Part, weights: mi.Float, more: tuple[mi.Float, mi.Float]
-    ) -> tuple[mi.Float, mi.Float]:
-        """C and block means of D by some elements, and more light, flat (bin, …)."""
-        if len(part.elements) == 0:
-            return more
-        own = _taken(weights, part.elements)
-        return more[0] + mixed(part.total, own), more[1] + mixed(part.blocks, own)
-
-    def _with_returned(self, weights: mi.Float, total: mi.Float, D: mi.Float) -> mi.Float:
-        """C with light that tiles send back, flat (bin, sensor)."""
-        bins, blocks, sensors = self.shape
-        sensor, block, met, weight = self.returned
-        if dr.width(weight) == 0 or blocks == 0:
-            return total
-        factor = mi.Float64(weights)  # in double precision, since its gradient is a sum, too
-        for element in met:
-            weight = weight * dr.gather(mi.Float64, factor, element)
-        G = dr.zeros(mi.Float64, blocks * sensors)
-        dr.scatter_add(G, mi.Float64(weight), block * sensors + sensor)
-        sent_back = mi.TensorXf(D, (bins, blocks)) @ mi.TensorXf(mi.Float(G), (blocks, sensors))
-        return total + sent_back.array
-
-    def _accumulated(self, coefficients: mi.Float) -> mi.TensorXf:
-        """E [lx] from C, flat (bin, sensor)."""
-        patches, sensors = self.sky.shape[1], self.shape[2]
-        of_sky = dr.gather(mi.Float, coefficients, dr.arange(mi.UInt32, patches * sensors))
-        return self.sky @ mi.TensorXf(of_sky, (patches, sensors)) + self._by_sun(coefficients)
-
-    def _by_sun(self, coefficients: mi.Float) -> mi.TensorXf:
-        """E [lx] by the suns alone, from C, flat (bin, sensor)."""
-        shape, sensors = (len(self.months), self.shape[2]), dr.opaque(mi.UInt32, self.shape[2])
-        total = dr.zeros(mi.Float, shape[0] * shape[1])
-        at = dr.arange(mi.UInt32, dr.width(total))
-        time, sensor = at // sensors, at % sensors
-        for bin_, L in self.suns:
-            row = dr.gather(mi.UInt32, bin_, time) * sensors
-            C = dr.gather(mi.Float, coefficients, row + sensor)
-            total += C * dr.gather(mi.Float, L, time)
-        return mi.TensorXf(total, shape)
-
-
-def _taken(values: mi.Float, index: np.ndarray) -> mi.Float:
-    return dr.gather(mi.Float, values, flat_indices(index))
-
-
-def _lit(light: LightByElement) -> np.ndarray:
-    """Bins that any light comes from: ground, all sky patches, and some suns; int, (bin,)."""
-    every = (light.besides, *light.elements)
-    some = [each.bins for each in every if each.is_lit["total"]]
-    return np.unique(np.concatenate([np.arange(light.sky_bins), *some]))
-
-
-def _rows(some: Sequence[ElementLight], name: str, bins: np.ndarray) -> Rows:
-    """Mean over the results of an array of each element, in the order of `bins`, flat."""
-    out = []
-    for light in some:
-        own = getattr(light, name).mean(axis=0)
-        whole = np.zeros((len(bins), own.shape[1]), np.float32)
-        known = np.isin(light.bins, bins)
-        whole[np.searchsorted(bins, light.bins[known])] = own[known]
-        out.append(flat(whole))
-    return tuple(out)
-
-
-def _returned(light: LightByElement) -> tuple[Any, ...]:
-    """Sensor, block, elements and weight of all paths that met tiles."""
-    paths = [back for back in light.returned if isinstance(back, MarkedLight)]
-    assert len(paths) == light.replicates, "light between surfaces is not solved on cells"
-    sensor, block, met, weight = (
-        np.concatenate([getattr(back, name) for back in paths])
-        for name in ("sensor", "block", "met", "weight")
-    )
-    elements = np.where(met < 0, len(light.elements), met).T
-    return (
-        *map(flat_indices, (sensor, block)),
-        tuple(map(flat_indices, elements)),
-        flat(weight / np.float32(light.replicates)),
-    )
-
-
-def _check_sky(light: LightByElement, daylight: Daylight) -> None:
-    """Refuse a sky of other patches, or one that was made for one façade."""
-    sky = light.labels[: light.sky_bins]
-    if tuple(map(str, daylight.sky["bin"].values)) != sky:
-        got = f"{daylight.sky.sizes['bin']} bins of the sky, the light has {len(sky)}"
-        remedy = "compute the light with the subdivision of this sky"
-        raise InputError("design", "bin", got, remedy)
-    if "blend_bin" not in daylight.sky:
-        raise InputError("case", "sun.model", "adaptive", "take another one to search a façade")
-
-
-def _suns(daylight: Daylight, labels: tuple[str, ...], bins: np.ndarray) -> tuple[Any, ...]:
-    """Bin and luminance of each blended sun; 0 for suns that light no element."""
-    blend, sun, terms = blended(daylight.sky), daylight.sky["sun"].values, []
-    everywhere, lit = {*labels, ""}, [labels[b] for b in bins]
-    for names, weights in zip(blend.bins.T, blend.weights.T, strict=True):
-        strange = [b for b, w in zip(names, weights, strict=True) if w and b not in everywhere]
-        if strange:
-            got = f"no {strange[0]!r} ({len(strange)} missing)"
-            raise InputError("design", "bin", got, "compute the light for this sky")
-        at = positions(names, lit, missing=-1)
-        L = np.where(at >= 0, weights.astype(float) * sun, 0)
-        terms.append((flat_indices(np.maximum(at, 0)), flat(L)))
-    return tuple(terms)

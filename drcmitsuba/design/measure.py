@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import drjit as dr
 import mitsuba as mi
@@ -18,6 +18,7 @@ import xarray as xr
 from drcmitsuba import metrics
 from drcmitsuba.metrics import smooth
 from drcmitsuba.metrics.intervals.rules import Rules
+from drcmitsuba.transport.elements.smooth_year import Illuminances
 
 Aim = Literal["sDA", "worst month"]
 NAMES: Mapping[Aim, str] = {"sDA": "sDA", "worst month": "msDA of the worst month"}
@@ -26,16 +27,6 @@ SOFTEST = 50.0
 """Months within SOFTEST / sharpness [%] of the lowest msDA count as the worst together."""
 ASE_TOLERANCE = 1e-9
 """Largest excess of ASE over its limit that still holds the limit [%]."""
-
-
-class Illuminances(NamedTuple):
-    """Illuminance of a period, tensors (time, sensor) [lx]."""
-
-    open: mi.TensorXf
-    shaded: mi.TensorXf
-    """E with the shade open, and with the shade before all clear tiles."""
-    direct: mi.TensorXf
-    """E by straight sun, the shade open."""
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,6 @@ import numpy as np
 from drcmitsuba.design.facade_year import FacadeYear
 from drcmitsuba.design.measure import (
     Aim,
-    Illuminances,
     Measure,
     RatedCandidate,
     RatedProblem,
@@ -33,6 +32,7 @@ from drcmitsuba.design.measure import (
 from drcmitsuba.design.parameters import Factor, Map, Parameter, Values
 from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.transport.elements.smooth_year import Illuminances
 
 AREA_TOLERANCE = 2e-3
 """Largest tolerated deviation of the panes' area, as a fraction of the required area."""

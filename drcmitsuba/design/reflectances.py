@@ -20,7 +20,6 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import State
-from drcmitsuba.design.measure import Illuminances
 from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.design.surface_kinds import FRAMES, WALLS
 from drcmitsuba.design.traced_room import TracedRoom
@@ -30,6 +29,7 @@ from drcmitsuba.runtime.toml import choose, shortened
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.materials import channel_of
 from drcmitsuba.sky.daylight import Daylight
+from drcmitsuba.transport.elements.smooth_year import Illuminances
 
 BOUNDS = (0.0, 0.95)
 """Least and largest reflectance of a design."""

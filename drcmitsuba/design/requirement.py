@@ -19,7 +19,6 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba import metrics
-from drcmitsuba.design.measure import Illuminances
 from drcmitsuba.metrics import smooth, smooth_step
 from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.runtime.flat_arrays import flat_indices
@@ -28,6 +27,7 @@ from drcmitsuba.standards.quantities import Counted, count, stamps_needed
 from drcmitsuba.standards.standard import Level, Limit, Quantity, Standard
 from drcmitsuba.standards.verdict import Outcome, outcome
 from drcmitsuba.standards.year import OF_LIGHT, StandardYear
+from drcmitsuba.transport.elements.smooth_year import Illuminances
 
 ALL_POINTS = 100.0
 """Limit [%] at which the hours of the worst point tell more than the share of the points."""

@@ -39,7 +39,6 @@ from drcmitsuba.case.groups import SHADED
 from drcmitsuba.design.measure import (
     ASE_TOLERANCE,
     Aim,
-    Illuminances,
     Measure,
     RatedCandidate,
     RatedProblem,
@@ -57,6 +56,7 @@ from drcmitsuba.scene.structures.recipe import Lamellae, load_recipe
 from drcmitsuba.schema import by_luminance, luminance
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.daylight import daylight as daylight_of
+from drcmitsuba.transport.elements.smooth_year import Illuminances
 
 
 class TiltGoal(NamedTuple):

@@ -73,7 +73,8 @@ def main():
             dr.eval(dr.grad(x))
 
         def recombined(year=year, share=share):
-            dr.eval(*year.coefficients(mi.TensorXf(share)))
+            shares = dr.concat((mi.Float(share.ravel()), year.still))
+            dr.eval(*year.year.coefficients(shares, dr.ones(mi.Float, len(year.names))))
 
         c, e, g = fastest(recombined), fastest(primal), fastest(reverse)
         print(

@@ -15,7 +15,7 @@ from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.design.facade_maps import Panes, Strips, Window
 from drcmitsuba.design.film import ParametricFilm
 from drcmitsuba.design.film_bins import FilmBins
-from drcmitsuba.design.measure import Illuminances, Measure
+from drcmitsuba.design.measure import Measure
 from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.design.problem import FacadeProblem, Goal
 from drcmitsuba.design.reflectances import Interior
@@ -26,6 +26,7 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import daylight
 from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport.elements.smooth_year import Illuminances
 from tests.synthetic_year import SyntheticYear, Tiles
 from tests.unit.design.test_design_film import irradiance_of
 

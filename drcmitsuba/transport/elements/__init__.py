@@ -14,6 +14,8 @@ light, simulate
     Coefficients of every element, of which any façade is recombined.
 illuminance
     A year of known shares, of which no coefficients are kept.
+smooth_year
+    The smooth twin of a year of known light, whose derivatives by the shares are exact.
 """
 
 from drcmitsuba.transport.elements.illuminance import illuminance

@@ -17,7 +17,6 @@ from drcmitsuba.design.change_search import least_change
 from drcmitsuba.design.cheapest_change import cheapest_change, cheapest_changes
 from drcmitsuba.design.composed_facades import Facades
 from drcmitsuba.design.facade_maps import Panes, Strips, Window
-from drcmitsuba.design.measure import Illuminances
 from drcmitsuba.design.optimise import Search
 from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.design.problem import FacadeProblem, Goal
@@ -27,6 +26,7 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.standards import Refusal, read, verdict
 from drcmitsuba.standards.standard import Limit
+from drcmitsuba.transport.elements.smooth_year import Illuminances
 from tests.synthetic_year import SyntheticYear, Tiles
 
 CASE = """

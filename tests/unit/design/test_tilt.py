@@ -13,7 +13,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.effects import Effects
 from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.design import pictures
-from drcmitsuba.design.measure import Illuminances, Measure
+from drcmitsuba.design.measure import Measure
 from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.design.tilt import SimulatedTilt, TiltGoal, TiltProblem
 from drcmitsuba.design.tilt_search import optimise_tilt
@@ -23,6 +23,7 @@ from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import checked
+from drcmitsuba.transport.elements.smooth_year import Illuminances
 
 SLATS = """[structure]
 kind = "lamellae"
