@@ -41,7 +41,7 @@ from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene.materials import bsdf, channel_of
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.mirrors.image_suns import ImageSuns
-from drcmitsuba.transport.mirrors.planar_mirrors import MOST_IN_TURN
+from drcmitsuba.transport.mirrors.mirror_planes import MOST_IN_TURN
 from drcmitsuba.transport.rays import bsdf_lookup
 
 MOST_SURFACES = 24

@@ -11,13 +11,17 @@ from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import Surface, normals
 from drcmitsuba.scene.panes_of_model import side_name
 from drcmitsuba.scene.surfaces import surfaces_of
+from drcmitsuba.transport.mirrors.mirror_planes import (
+    MOST_IN_TURN,
+    chains_left_out,
+    planes_followed,
+)
 from drcmitsuba.transport.mirrors.planar_mirrors import (
     FAINT_TURN,
-    MOST_IN_TURN,
+    albedo,
     has_images,
     is_planar_mirror,
     is_rough_mirror,
-    planes_followed,
 )
 
 MOST_NAMES = 6
@@ -52,6 +56,12 @@ def _images(surfaces: list[Surface], facts: Facts) -> tuple[str, dict[str, int]]
     if left_out:
         reason += f"; {left_out} planes more, the smallest ones, mirror no sun"
         quantities["left_out"] = left_out
+    rho = [albedo(s.material) for s in surfaces]
+    chains, strongest = chains_left_out([s.quads for s in surfaces], rho)
+    if chains:
+        reason += f"; {chains} pairs of mirrors more send on no sun in turn, "
+        reason += f"the strongest of them {100 * strongest:.2g} % of it"
+        quantities["chains_left_out"] = chains
     return reason, quantities
 
 

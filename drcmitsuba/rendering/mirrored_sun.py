@@ -32,7 +32,8 @@ from drcmitsuba.model.materials import MirrorMaterial
 from drcmitsuba.runtime.flat_arrays import flat_indices
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.mirrors.image_suns import ImageSuns
-from drcmitsuba.transport.mirrors.planar_mirrors import MOST_AXES, MOST_IN_TURN, NONE
+from drcmitsuba.transport.mirrors.mirror_planes import MOST_AXES, MOST_IN_TURN
+from drcmitsuba.transport.mirrors.planar_mirrors import NONE
 from drcmitsuba.transport.rays.bsdf_lookup import bsdfs, number, table
 from drcmitsuba.transport.rays.shadow_rays import straight
 

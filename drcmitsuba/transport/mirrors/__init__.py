@@ -1,5 +1,7 @@
 """Mirrors: light that planar mirrors turn before it meets anything that scatters.
 
+mirror_planes
+    Planes of mirrors, their axes, and chains of those that face each other.
 planar_mirrors
     Surfaces in which suns have images, and the turns that these take.
 image_suns

@@ -32,7 +32,8 @@ from drcmitsuba_plugins.symbolic import symbolic
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices, row_and_column
 from drcmitsuba.runtime.launch_size import SHADOW_RAYS
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.mirrors.planar_mirrors import MOST_IN_TURN, PlanarMirrors
+from drcmitsuba.transport.mirrors.mirror_planes import MOST_IN_TURN
+from drcmitsuba.transport.mirrors.planar_mirrors import PlanarMirrors
 from drcmitsuba.transport.rays.even_rays import first_directions
 from drcmitsuba.transport.rays.openings import SLACK, Openings, Within
 from drcmitsuba.transport.rays.shadow_rays import sun_deposit, visibility

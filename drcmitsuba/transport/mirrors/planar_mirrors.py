@@ -1,17 +1,15 @@
 """Planar mirrors of a scene: the surfaces in which suns have images, and the turns they take.
 
 Clear panes that mirror and smooth mirrors in few planes have exact images of the suns: see
-`image_suns`. Parallel planes share an *axis*, the normal of all of them, and with it the direction
-of an image; a *chain* lists the axes of the mirrors from the receiver to the sun. Coplanar panes
-are one rectangle, whatever their number. Curved mirrors and bodies of many faces are left to
-photons, and so is what more mirrors in turn send than a chain has.
+`image_suns`. Curved mirrors and bodies of many faces are left to photons, and so is what more
+mirrors in turn send than a chain has.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise, product
+from itertools import product
 from math import prod
 from typing import Any
 
@@ -31,22 +29,23 @@ from drcmitsuba.model.materials import (
 from drcmitsuba.model.model import MOST_OF_BODY, areas, count_planes
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.scene.enabled_effects import EnabledEffects
-from drcmitsuba.scene.geometry import Surface, is_triangle, normals, reversed_quads
+from drcmitsuba.scene.geometry import Surface, is_triangle, normals
 from drcmitsuba.scene.scene import Scene, ScenePart
+from drcmitsuba.transport.mirrors.mirror_planes import (
+    COPLANAR,
+    MOST_IN_TURN,
+    MirrorFaces,
+    chains_of,
+    face_each_other,
+    leads,
+    planes_followed,
+    sides_seen,
+    strongest_of,
+)
 from drcmitsuba.transport.rays.bsdf_lookup import number, numbers, table
 
-MOST_IN_TURN = 2
-"""Largest number of mirrors of a chain."""
-MOST_AXES = 12
-"""Largest number of axes, those of the largest area."""
-MOST_PLANES = 24
-"""Largest number of planes of an axis, those of the largest area."""
-MOST_CHAINS = 48
-"""Largest number of chains, those that reflect most."""
 MOST_LOBES = 8
 """Largest number of different lobes of rough mirrors."""
-FAINT = 2e-3
-"""Product of reflectances at normal incidence below which mirrors in turn are left out [–]."""
 REMAINS = 0.02
 """The same for mirrors beyond `MOST_IN_TURN`, which photons follow."""
 FAINT_TURN = 0.1
@@ -54,10 +53,6 @@ FAINT_TURN = 0.1
 
 A rough façade of 0.8 opposite the glass of an office leaves out 0.1 % of the light at the eye.
 """
-PARALLEL = 2e-4
-"""Angle within which planes are parallel [rad]."""
-COPLANAR = 1e-3
-"""Distance within which parallel planes are one [m]."""
 STEPS = 513
 """Number of cosines of the incidence at which reflectances are tabulated."""
 NONE = 0xFFFFFFFF
@@ -109,13 +104,6 @@ def has_images(part: Surface, effects: EnabledEffects) -> bool:
     return effects.pane_to_pane or (isinstance(pane, GlazingMaterial) and pane.ior is not None)
 
 
-def planes_followed(quads: np.ndarray) -> tuple[int, int]:
-    """Numbers of planes of mirrors (quad, 4, 3) in which suns have images, and of those without."""
-    axis, axes = _axes(quads)
-    plane, kept = _numbered_planes(quads, axis, axes)
-    return len(kept), len(np.unique(plane[plane >= 0])) - len(kept) + count_planes(quads[axis < 0])
-
-
 def turns_beyond_mirrors(scene: Scene) -> bool:
     """Whether a surface deviates light that has no images: a film, a solid, a curved mirror."""
     kinds = BsdfMaterial | DielectricMaterial | MirrorMaterial
@@ -151,7 +139,7 @@ def _send_on(one: PlanarMirrors, other: PlanarMirrors) -> bool:
     """Whether mirrors that face each other send on more than `FAINT_TURN` in turn."""
     rho = [max(albedo(m.scene.parts[i].material) for i in m.parts) for m in (one, other)]
     pairs = product(one.rectangles, other.rectangles)
-    return prod(rho) > FAINT_TURN and any(_face(a, b) for a, b in pairs)
+    return prod(rho) > FAINT_TURN and any(face_each_other(a, b) for a, b in pairs)
 
 
 def _shines(part: ScenePart) -> bool:
@@ -226,28 +214,18 @@ class PlanarMirrors:
         ]
         if not mirrors:
             return None
-        quads = np.concatenate([part.quads for _, part in mirrors]).astype(float)
-        owner = np.repeat(np.arange(len(mirrors)), [len(part.quads) for _, part in mirrors])
-        axis, axes = _axes(quads)
-        plane, kept = _numbered_planes(quads, axis, axes)
-        if not len(kept):
+        rho = [albedo(part.material) for _, part in mirrors]
+        sorted_faces = MirrorFaces.of([part.quads for _, part in mirrors], rho)
+        if sorted_faces is None:
             return None
+        quads, owner, axis, plane, kept, axes, rectangles, strongest = sorted_faces
         left_out = planes_followed(quads)[1]
-        axis = np.where(np.isin(plane, kept), axis, -1)
-        used, axis = np.unique(axis, return_inverse=True)
-        axis = axis.ravel() - int(used[0] == -1)
-        axes = axes[used[used >= 0]]
         reflectances = np.stack([_reflectances(part.material) for _, part in mirrors])
-        rho = reflectances[:, :, -1].max(axis=1)
-        every = range(len(axes))
-        of_axis = [[quads[plane == p] for p in kept if axis[plane == p][0] == a] for a in every]
-        rectangles = [np.concatenate([*map(_both_sides, planes)]) for planes in of_axis]
-        strongest = np.array([rho[owner[axis == a]].max() for a in range(len(axes))])
         of_body = np.array([bool(part.component) for _, part in mirrors])[owner]
         body = np.array([of_body[axis == a].any() for a in range(len(axes))])
         inside = np.full(len(quads), scene.effects.pane_to_pane) | of_body
         seen = [
-            np.concatenate([_sides_seen(quads[plane == p], inside[plane == p]) for p in kept
+            np.concatenate([sides_seen(quads[plane == p], inside[plane == p]) for p in kept
                             if axis[plane == p][0] == a])
             for a in range(len(axes))
         ]  # fmt: skip
@@ -261,7 +239,7 @@ class PlanarMirrors:
         by_number[~np.isin(np.arange(len(by_number)), numbers(scene))] = NONE
         return cls(
             scene, tuple(i for i, _ in mirrors), axes, tuple(rectangles), tuple(seen),
-            _chains(rectangles, axes, strongest), left_out,
+            strongest_of(chains_of(rectangles, strongest)), left_out,
             _remains(rectangles, axes, strongest, body), flat_indices(by_number),
             flat_indices(of_faces), flat(reflectances),
             flat_indices(table(scene, row.tolist(), np.uint32)),
@@ -298,7 +276,7 @@ class PlanarMirrors:
             n = self.axes[chain[place]]
             d = d - 2 * (d @ n)[:, None] * n
             if place:
-                may &= _leads(self.rectangles[chain[place - 1]], self.rectangles[chain[place]], d)
+                may &= leads(self.rectangles[chain[place - 1]], self.rectangles[chain[place]], d)
         return d, may
 
 
@@ -328,22 +306,6 @@ def _coated(rho: float, ior: float, c: np.ndarray) -> np.ndarray:
     return np.asarray(r + (1 - r) ** 2 * rho / np.maximum(1 - r * rho, 1e-6))
 
 
-def _axes(quads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Axis of each quad (quad, 4, 3), −1 beyond `MOST_AXES`, and the axes (axis, 3)."""
-    n, area = normals(quads), areas(quads)
-    axis, axes = np.full(len(quads), -1), list[np.ndarray]()
-    left = (area > 0) & np.isfinite(n).all(axis=1)
-    while left.any() and len(axes) < MOST_AXES:
-        rounded = np.round(n[left] * np.where(n[left] @ [0.61, 0.77, 0.17] < 0, -1, 1)[:, None], 4)
-        _, group = np.unique(rounded, axis=0, return_inverse=True)
-        largest = np.bincount(group.ravel(), area[left]).argmax()
-        chosen = n[left][np.argmax(group.ravel() == largest)]
-        near = left & (np.linalg.norm(np.cross(n, chosen), axis=1) < PARALLEL)
-        axis[near], left = len(axes), left & ~near
-        axes.append(chosen)
-    return axis, np.array(axes).reshape(-1, 3)
-
-
 def _is_duct(quads: np.ndarray) -> bool:
     """Whether fronts of quads in several planes face each other: light may turn there often."""
     n = normals(quads)
@@ -356,85 +318,6 @@ def _is_duct(quads: np.ndarray) -> bool:
     return any(sees(a, b) and sees(b, a) for a in sides for b in sides)
 
 
-def _numbered_planes(
-    quads: np.ndarray, axis: np.ndarray, axes: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Plane of each quad, −1 for none, and the planes that are kept, the largest of each axis."""
-    plane, kept, area, count = np.full(len(quads), -1), list[int](), areas(quads), 0
-    for a, n in enumerate(axes):
-        mine = np.flatnonzero(axis == a)
-        offset = quads[mine].mean(axis=1) @ n
-        order = np.argsort(offset)
-        of = np.empty(len(mine), int)
-        of[order] = np.cumsum(np.diff(offset[order], prepend=offset[order[0]]) > COPLANAR)
-        plane[mine] = count + of
-        largest = np.argsort(-np.bincount(of, area[mine]), kind="stable")[:MOST_PLANES]
-        kept += (count + largest).tolist()
-        count += int(of.max()) + 1
-    return plane, np.array(sorted(kept), int)
-
-
-def _both_sides(quads: np.ndarray) -> np.ndarray:
-    """Rectangle around coplanar quads, with its front to either side, shape (2, 4, 3)."""
-    n, points = normals(quads[:1])[0], quads.reshape(-1, 3)
-    u = quads[0, 1] - quads[0, 0]
-    u = u / np.linalg.norm(u)
-    v = np.cross(n, u)
-    (left, right), (low, high) = (((points @ w).min(), (points @ w).max()) for w in (u, v))
-    foot = n * (quads[0, 0] @ n)
-    corners = [(left, low), (right, low), (right, high), (left, high)]
-    one = np.array([foot + a * u + b * v for a, b in corners])[None]
-    return np.concatenate([one, reversed_quads(one)])
-
-
-def _sides_seen(quads: np.ndarray, inside: np.ndarray) -> np.ndarray:
-    """Rectangles of `_both_sides` on the sides of coplanar quads from which their light counts.
-
-    Quads whose `inside` does not count are seen from their back.
-    """
-    sides = _both_sides(quads)
-    backs = -normals(quads[~inside])
-    kept = [inside.any() or bool((backs @ n > 0).any()) for n in normals(sides)]
-    return sides[np.array(kept)]
-
-
-def _leads(one: np.ndarray, two: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """Whether light may go along d (direction, 3) from rectangles to the planes of others."""
-    may, points = np.zeros(len(d), bool), one[::2].reshape(-1, 3)
-    for quad, n in zip(two[::2], normals(two[::2]), strict=True):
-        height, along = points @ n - quad[0] @ n, d @ n
-        may |= (along > 1e-6) & (height.min() < -COPLANAR)
-        may |= (along < -1e-6) & (height.max() > COPLANAR)
-    return may
-
-
-def _face(one: np.ndarray, two: np.ndarray) -> bool:
-    """Whether rectangles of one axis and of another one may send light to each other."""
-    for q, n in zip(one[::2], normals(one[::2]), strict=True):
-        for r, m in zip(two[::2], normals(two[::2]), strict=True):
-            apart = abs((r - q[0]) @ n).max() > COPLANAR and abs((q - r[0]) @ m).max() > COPLANAR
-            if apart:
-                return True
-    return False
-
-
-def _chains(
-    rectangles: list[np.ndarray], axes: np.ndarray, rho: np.ndarray
-) -> tuple[tuple[int, ...], ...]:
-    """Chains of one mirror and of several that face each other, those that reflect most first."""
-    every = range(len(axes))
-    faces = {(a, b): _face(rectangles[a], rectangles[b]) for a in every for b in every}
-    chains: list[tuple[int, ...]] = [(a,) for a in every]
-    for length in range(2, MOST_IN_TURN + 1):
-        chains += [
-            chain
-            for chain in product(every, repeat=length)
-            if all(faces[pair] for pair in pairwise(chain)) and prod(rho[a] for a in chain) > FAINT
-        ]
-    order = sorted(chains, key=lambda chain: -prod(rho[a] for a in chain))
-    return tuple(sorted(order[:MOST_CHAINS], key=len))
-
-
 def _remains(
     rectangles: list[np.ndarray], axes: np.ndarray, rho: np.ndarray, body: np.ndarray
 ) -> bool:
@@ -443,7 +326,7 @@ def _remains(
     return any(
         body[a]
         and rho[a] ** ((turns + 1) // 2) * rho[b] ** (turns // 2) > REMAINS
-        and _face(rectangles[a], rectangles[b])
+        and face_each_other(rectangles[a], rectangles[b])
         for a in every
         for b in every
     )

@@ -21,7 +21,8 @@ from drcmitsuba.model.materials import (
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene.materials import is_diffuse
 from drcmitsuba.scene.scene import ScenePart
-from drcmitsuba.transport.mirrors.planar_mirrors import MOST_IN_TURN, PlanarMirrors
+from drcmitsuba.transport.mirrors.mirror_planes import MOST_IN_TURN
+from drcmitsuba.transport.mirrors.planar_mirrors import PlanarMirrors
 from drcmitsuba.transport.photons.changing_panes import ChangingPanes
 from drcmitsuba.transport.photons.fluxes import FluxSums
 from drcmitsuba.transport.photons.ports import ComponentPorts, Start
