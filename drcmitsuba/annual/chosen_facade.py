@@ -30,7 +30,7 @@ from drcmitsuba.transport.elements import LightByElement, compute
 
 def light_of_channels(
     case: Case, panes: PaneGroups, suns: Suns, accuracy: Accuracy, effects: EnabledEffects,
-    progress: Progress,
+    progress: Progress, kept: int | None = None,
 ) -> tuple[LightByElement, ...]:  # fmt: skip
     """Light by element of every colour channel of a case; one of a grey case.
 
@@ -39,7 +39,7 @@ def light_of_channels(
     numbers = scene.channels_of(case, effects)
     return tuple(
         compute(
-            case, panes, suns, accuracy, effects, channel=number,
+            case, panes, suns, accuracy, effects, channel=number, kept=kept,
             progress=part(progress, i / len(numbers), (i + 1) / len(numbers)),
         )
         for i, number in enumerate(numbers)

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 import xarray as xr
 
+from drcmitsuba.annual.simulation import joined_channels
 from drcmitsuba.case.case import Case
 from drcmitsuba.runtime.toml import Side
 from drcmitsuba.scene.materials import shade_covers
@@ -54,16 +55,17 @@ class TiledLight:
     """Whether an element may have a share while the shade is open, bool, shape (element,)."""
     closing: np.ndarray
     """Matrix (element, element) that turns shares into those with the shade before clear panes."""
-    light: LightByElement
+    channels: tuple[LightByElement, ...]
+    """Light of every colour channel; one of a grey case."""
 
     @classmethod
     def of(
         cls, case: Case, side: Side, heights: np.ndarray, segments: int, fills: tuple[str, ...],
-        light: Callable[[TiledFacades], LightByElement],
+        light: Callable[[TiledFacades], tuple[LightByElement, ...]],
     ) -> TiledLight:  # fmt: skip
         """Cut a side of a case by a grid; arguments as for `TiledFacades.of_grid`.
 
-        `light` gives the light of the tiles.
+        `light` gives the light of the tiles, channel by channel.
         """
         tiled = TiledFacades.of_grid(case, side, heights, segments, fills)
         (drawn,), tiles = tiled.drawn, segments * (len(heights) - 1)
@@ -79,7 +81,7 @@ class TiledLight:
             as_drawn=as_drawn,
             is_open=np.append(of_grid, as_drawn > 0),
             closing=_closing(tiled, shade),
-            light=light(tiled),
+            channels=light(tiled),
         )
 
     def shares(self, composition: np.ndarray, *, closed: bool = False) -> np.ndarray:
@@ -97,12 +99,8 @@ class TiledLight:
 
     def coefficients(self, composition: np.ndarray, *, closed: bool = False) -> xr.Dataset:
         """Coefficients of a composition [sr]; arguments as for `shares`."""
-        return self.light.coefficients(self.shares(composition, closed=closed))
-
-    @cached_property
-    def is_covered(self) -> np.ndarray:
-        """Whether the shade may stand before an element, bool, shape (element,)."""
-        return self.closing.diagonal() == 0
+        shares = self.shares(composition, closed=closed)
+        return joined_channels([light.coefficients(shares) for light in self.channels])
 
 
 def _closing(tiled: TiledFacades, shade: str | None) -> np.ndarray:

@@ -12,6 +12,7 @@ import numpy as np
 from drcmitsuba.design.facade_tiles import TiledLight, Tiles
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.transport.elements.smooth_year import Illuminances, SmoothYear
 
@@ -27,24 +28,29 @@ class FacadeYear:
     """Material of every element, "" for light that passes no tile."""
     still: mi.Float
     """Shares of the elements of other sides, the shade open; 1 for light that passes no tile."""
-    year: SmoothYear
+    channels: tuple[tuple[float, SmoothYear], ...]
+    """Weight in luminance and year of every colour channel; one of a grey case."""
 
     @classmethod
     def of(cls, tiled: TiledLight, daylight: Daylight) -> FacadeYear:
         """Put light by tile under the daylight of a case; errors are those of `SmoothYear.of`."""
-        year = SmoothYear.of(tiled.light, daylight, tiled.is_open, tiled.closing)
+        years = [
+            SmoothYear.of(light, daylight, tiled.is_open, tiled.closing) for light in tiled.channels
+        ]
+        weights = LUMINANCE_WEIGHTS.values() if len(years) > 1 else (1.0,)
         still, names = flat(np.append(tiled.as_drawn, 1)), (*tiled.names, "")
-        return cls(tiled.tiles, tiled.materials, names, still, year)
+        channels = tuple(zip(weights, years, strict=True))
+        return cls(tiled.tiles, tiled.materials, names, still, channels)
 
     @property
     def months(self) -> np.ndarray:
         """Month of each time stamp, 1 to 12, int, shape (time,)."""
-        return self.year.months
+        return self.channels[0][1].months
 
     @property
     def step_hours(self) -> float:
         """Duration of a time step [h]."""
-        return self.year.step_hours
+        return self.channels[0][1].step_hours
 
     def illuminance(
         self, share: mi.TensorXf, scale: Mapping[str, mi.Float] | None = None
@@ -62,7 +68,7 @@ class FacadeYear:
         Returns
         -------
         Illuminances
-            E [lx].
+            E [lx]; of a coloured case by its luminance.
 
         Raises
         ------
@@ -70,7 +76,12 @@ class FacadeYear:
             No tile can have a material of `scale`.
         """
         shares = dr.concat((share.array, self.still))
-        return self.year.illuminance(shares, self._factors(scale or {}))
+        factors = self._factors(scale or {})
+        (weight, first), *others = self.channels
+        E = first.illuminance(shares, factors).scaled(weight)
+        for weight, year in others:
+            E = E.plus(year.illuminance(shares, factors).scaled(weight))
+        return E
 
     def _factors(self, scale: Mapping[str, mi.Float]) -> mi.Float:
         """Factor of the light of every element, and 1."""

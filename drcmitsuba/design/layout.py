@@ -7,6 +7,7 @@ from itertools import product
 
 import numpy as np
 
+from drcmitsuba.annual.chosen_facade import light_of_channels
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.design import Design
 from drcmitsuba.case.facade import Facade
@@ -23,12 +24,10 @@ from drcmitsuba.model.materials import DiffuserMaterial, GlazingMaterial, check_
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.runtime.toml import Side, checked
-from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
-from drcmitsuba.scene.tiled_facades import TiledFacades
+from drcmitsuba.scene.tiled_facades import TiledFacades, refuse_structures_in_strips
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.daylight import daylight as daylight_of
-from drcmitsuba.transport import elements
 from drcmitsuba.transport.elements import LightByElement
 
 ROWS = 6
@@ -76,12 +75,10 @@ class Layout:
         if design is None:
             remedy = 'add [design] with film = "…", a material of [materials]'
             raise InputError(case.source, "design", "no such table", remedy)
-        case.refuse_components("the search for a façade")
+        case.refuse_overruled("the search for a façade")
+        refuse_structures_in_strips(case, "evaluate the case, or search its tilt")
         case.refuse_groups("the search for a façade")
         assert case.room is not None
-        if scene.is_coloured(case):
-            got = "a reflectance differs between channels"
-            raise InputError(case.source, "room", got, "make it grey, or evaluate each case")
         assert design.film is not None  # with a component in its place, one stands
         side: Side = design.side or case.glazed[0]
         facade = case.facade.get(side, Facade())
@@ -146,12 +143,11 @@ class Layout:
         with stage("sky"):
             daylight = daylight_of(case)
 
-        def of_tiles(tiled: TiledFacades) -> LightByElement:
+        def of_tiles(tiled: TiledFacades) -> tuple[LightByElement, ...]:
             with stage("light by tile") as done:
-                return elements.compute(
-                    tiled.case, tiled.panes, daylight.suns, case.accuracy, ALL_EFFECTS,
-                    kept=kept, progress=done,
-                )  # fmt: skip
+                return light_of_channels(
+                    tiled.case, tiled.panes, daylight.suns, case.accuracy, ALL_EFFECTS, done, kept
+                )
 
         fills = ("wall", self.clear, self.film)
         tiles = TiledLight.of(case, self.side, heights, self.segments, fills, of_tiles)

@@ -208,12 +208,18 @@ def refuse_unlike(cases: Sequence[Case]) -> None:
             if materials.setdefault(name, material) != material:
                 got = "another variant has another material of this name"
                 raise InputError(case.source, f"materials.{name}", got, "give it another name")
+        refuse_structures_in_strips(case, "evaluate each case")
         for side, facade in case.facade.items():
             if frames.setdefault(side, facade.frame_reflectance) != facade.frame_reflectance:
                 field = f"facade.{side}.frame_reflectance"
                 got = "differs from that of another variant"
                 raise InputError(case.source, field, got, "make them agree")
-            held = [s.material for s in facade.strips if s.material in case.components]
-            if held:
-                got = f"{shortened(held[0])} stands in a strip that variants would cut"
-                raise InputError(case.source, f"facade.{side}", got, "evaluate each case")
+
+
+def refuse_structures_in_strips(case: Case, remedy: str) -> None:
+    """Refuse a component that stands in a strip, which tiles would cut."""
+    for side, facade in case.facade.items():
+        held = [strip.material for strip in facade.strips if strip.material in case.components]
+        if held:
+            got = f"{shortened(held[0])} stands in a strip that tiles would cut"
+            raise InputError(case.source, f"facade.{side}", got, remedy)

@@ -37,8 +37,10 @@ def by_tile(case, light, heights, segments, kept):
     """Light of the classroom by tile, of wall, glass and film."""
 
     def simulated(tiled):
-        return elements.compute(
-            tiled.case, tiled.panes, light.suns, case.accuracy, ALL_EFFECTS, kept=kept
+        return (
+            elements.compute(
+                tiled.case, tiled.panes, light.suns, case.accuracy, ALL_EFFECTS, kept=kept
+            ),
         )
 
     return TiledLight.of(case, "south", heights, segments, ("wall", "glass", "film"), simulated)
@@ -55,7 +57,7 @@ def main():
         start = time.perf_counter()
         tiled = by_tile(case, light, heights, segments, kept=1)
         seconds = time.perf_counter() - start
-        year, size = FacadeYear.of(tiled, light), tiled.light.nbytes / 2**20
+        year, size = FacadeYear.of(tiled, light), tiled.channels[0].nbytes / 2**20
         tiles, names = tiled.tiles, tiled.materials
         del tiled
         share = np.zeros((len(tiles), len(names)), np.float32)
@@ -74,7 +76,7 @@ def main():
 
         def recombined(year=year, share=share):
             shares = dr.concat((mi.Float(share.ravel()), year.still))
-            dr.eval(*year.year.coefficients(shares, dr.ones(mi.Float, len(year.names))))
+            dr.eval(*year.channels[0][1].coefficients(shares, dr.ones(mi.Float, len(year.names))))
 
         c, e, g = fastest(recombined), fastest(primal), fastest(reverse)
         print(

@@ -7,6 +7,7 @@ from scipy.stats import t as student
 
 from drcmitsuba import load_case
 from drcmitsuba.annual import simulation
+from drcmitsuba.case.case import Case
 from drcmitsuba.case.facade import Strip
 from drcmitsuba.design.facade_tiles import TiledLight
 from drcmitsuba.runtime import backend
@@ -66,7 +67,7 @@ def test_fifty_mixed_compositions(state, capsys):
     finer = case.accuracy.model_copy(update={"replicates": 24})  # all compositions share its noise
 
     def simulated(tiled):
-        return elements.compute(tiled.case, tiled.panes, suns, finer, ALL_EFFECTS)
+        return (elements.compute(tiled.case, tiled.panes, suns, finer, ALL_EFFECTS),)
 
     tiled = TiledLight.of(case, "south", np.array(HEIGHTS), SEGMENTS, tuple(MATERIALS), simulated)
     left, right, bottom, top = tiled.tiles.bounds.T
@@ -107,3 +108,43 @@ def test_fifty_mixed_compositions(state, capsys):
     assert errors.max() < of_sensors
     assert (errors > 3).mean() < 0.01
     assert abs(off.mean()) < 0.003
+
+
+@pytest.mark.slow
+def test_light_of_a_pipe_beside_tiles_is_counted(same):
+    """E of the sky and of suns by the window and by a mirror pipe through the ceiling."""
+    tables = {
+        "site": {"latitude": 46.2, "longitude": 6.1, "timezone": 1},
+        "period": {"months": [3], "days_per_week": 1},
+        "room": {"size": [4.0, 5.0, 3.0], "floor": 0.3, "walls": 0.6, "ceiling": 0.8},
+        "materials": {
+            "glass": {"type": "glazing", "transmittance": 0.65, "reflectance": 0.12},
+            "opal": {"type": "diffuser", "transmittance": 0.5, "reflectance": 0.3},
+            "silver": {"type": "mirror", "reflectance": 0.95},
+        },
+        "components": {
+            "pipe": {"type": "lightpipe", "centre": [2.0, 3.5], "width": 0.4, "height": 1.0,
+                     "mirror": "silver"},
+        },
+        "sensors": {"corner": [0.5, 0.6, 0.8], "count": [3, 4], "spacing": 1.1},
+        "accuracy": {"replicates": 16, "paths": 512, "sensor_sky_rays": 1024},
+    }  # fmt: skip
+    strips = [{"bottom": 0.9, "top": 1.8, "material": "glass"},
+              {"bottom": 1.8, "top": 2.7, "material": "opal"}]  # fmt: skip
+    case = Case.model_validate({**tables, "facade": {"south": {"strips": strips}}})
+    light = daylight(case)
+
+    def simulated(tiled):
+        return (elements.compute(tiled.case, tiled.panes, light.suns, case.accuracy, ALL_EFFECTS),)
+
+    fills, heights = ("wall", "glass", "opal"), np.array([0.9, 1.8, 2.7])
+    tiled = TiledLight.of(case, "south", heights, 1, fills, simulated)
+    ours = tiled.coefficients(np.array([[0, 1, 0], [0, 0, 1]]))
+    other = case.accuracy.model_copy(update={"seed": 99})
+    fresh = simulation.transport(
+        case.with_tables(accuracy=other), "open", light.suns, light.sky.attrs["latitude"]
+    )
+    sky = len(Patches(1).labels)
+    for bins in (slice(0, sky), slice(sky, None)):
+        E, theirs = (C["replicates"].values[..., bins].sum(axis=-1) for C in (ours, fresh))
+        same(E, other=theirs, within=0.01)

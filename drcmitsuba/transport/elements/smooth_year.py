@@ -39,6 +39,14 @@ class Illuminances(NamedTuple):
     direct: mi.TensorXf
     """E by straight sun, the shade open."""
 
+    def scaled(self, factor: float) -> Illuminances:
+        """Illuminance times a factor."""
+        return self if factor == 1 else Illuminances(*(E * factor for E in self))
+
+    def plus(self, other: Illuminances) -> Illuminances:
+        """Illuminance and that of another channel."""
+        return Illuminances(*(a + b for a, b in zip(self, other, strict=True)))
+
 
 def mixed(arrays: Rows, weights: mi.Float) -> mi.Float:
     """Compute Σ weight · array in one pass over the arrays.

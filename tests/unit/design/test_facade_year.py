@@ -1,5 +1,7 @@
 """Compositions of a searched façade, and their year, against simulations of their own."""
 
+from dataclasses import replace
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -7,6 +9,7 @@ import pytest
 import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
+from drcmitsuba.annual.chosen_facade import light_of_channels
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.design.facade_tiles import TiledLight
@@ -18,6 +21,7 @@ from drcmitsuba.runtime.toml import checked
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
 from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.transport import coefficients, elements
 
@@ -67,13 +71,13 @@ def few(light, count):
     return light.suns.only(labels[:: max(1, len(labels) // count)])
 
 
-def by_tile(case, suns, accuracy, *, kept=None, segments=2, fills=FILLS):
+def by_tile(case, suns, accuracy, *, kept=None, segments=2, fills=FILLS, side="south"):
     """Light of a case by the tiles of a grid."""
 
     def simulated(tiled):
-        return elements.compute(tiled.case, tiled.panes, suns, accuracy, ALL_EFFECTS, kept=kept)
+        return (elements.compute(tiled.case, tiled.panes, suns, accuracy, ALL_EFFECTS, kept=kept),)
 
-    return TiledLight.of(case, "south", HEIGHTS, segments, fills, simulated)
+    return TiledLight.of(case, side, HEIGHTS, segments, fills, simulated)
 
 
 def share_of(*names, fills=(*FILLS, "shade")):
@@ -161,7 +165,7 @@ def dirichlet(seed, tiles, materials):
 
 def plainly(tiled, composition, name="total", *, closed=False):
     """Coefficients of a single result, as `accumulate` takes them: C = Σ w C_e + G_m Σ w D_e."""
-    light, shares = tiled.light, tiled.shares(composition, closed=closed)
+    light, shares = tiled.channels[0], tiled.shares(composition, closed=closed)
     some = [(1, light.besides), *zip(shares, light.elements, strict=True)]
     C, D = (np.zeros((len(light.labels), n)) for n in (12, light.besides.blocks.shape[2]))
     for share, element in some:
@@ -186,6 +190,39 @@ def is_coefficients_times_luminances(tiled, light, share):
 def test_a_year_is_coefficients_times_luminances(grid):
     E = is_coefficients_times_luminances(*grid, dirichlet(1, 4, 3))
     assert E.direct.numpy().max() > 1000
+
+
+def test_a_coloured_year_is_that_of_its_luminance():
+    """Channels count by their weights in luminance, each as in a simulation of its own."""
+    rho = [0.45, 0.2, 0.05]
+    case = room(PLAIN, room={"size": SIZE, "floor": rho, "ceiling": 0.8, "walls": 0.6})
+    light, weights = daylight(case), LUMINANCE_WEIGHTS.values()
+    accuracy = Accuracy(paths=256, replicates=8)
+
+    def by_channel(kept):
+        def simulated(tiled):
+            return light_of_channels(
+                tiled.case, tiled.panes, light.suns, accuracy, ALL_EFFECTS, lambda part: None, kept
+            )
+
+        return TiledLight.of(case, "south", HEIGHTS, 1, FILLS, simulated)
+
+    one, share = by_channel(1), share_of("glass", "fabric")
+    E = FacadeYear.of(one, light).illuminance(mi.TensorXf(share))
+    plain = [
+        accumulate.by_source(plainly(replace(one, channels=(each,)), share), light.sky)["total"]
+        for each in one.channels
+    ]
+    total = sum(w * each.values for w, each in zip(weights, plain, strict=True))
+    np.testing.assert_allclose(E.open.numpy(), total, rtol=2e-4, atol=1e-3)
+    ours = by_channel(None).coefficients(share)["replicates"]
+    for channel in range(3):
+        world = scene.load(case, "open", channel)
+        alone = coefficients.compute(
+            world, *sensor_points(case), light.suns, accuracy.model_copy(update={"seed": 9})
+        )["replicates"]
+        a, b = (C.mean(("sensor", "bin")).values for C in (ours.isel(channel=channel), alone))
+        assert abs(a.mean() - b.mean()) < 4 * np.sqrt((a.var() + b.var()) / 7)
 
 
 def test_a_year_of_several_results_is_their_mean():
@@ -270,13 +307,7 @@ def test_no_sun_at_all(side, changes):
     """Patches stand for the sun, or the façade never sees it."""
     case = room(PLAIN, side, **changes)
     light = daylight(case)
-
-    def simulated(tiled):
-        return elements.compute(
-            tiled.case, tiled.panes, light.suns, Accuracy(paths=16), ALL_EFFECTS, kept=1
-        )
-
-    tiled = TiledLight.of(case, side, HEIGHTS, 1, FILLS, simulated)
+    tiled = by_tile(case, light.suns, Accuracy(paths=16), kept=1, segments=1, side=side)
     share = share_of("glass", "fabric")
     E = is_coefficients_times_luminances(tiled, light, share)
     assert (E.open.numpy() > 0).all()

@@ -97,7 +97,6 @@ def test_structures_that_do_not_fit_are_refused(tmp_path, text, changes, message
 
 
 TASKS = {
-    "optimise": Layout.of,
     "film": FilmYear.of,
     "interior": lambda room: Interior.of(room, None),
     "tradeoff": tradeoff,
@@ -115,7 +114,7 @@ def test_what_counts_no_photons_refuses_components(task):
         TASKS[task](room)
 
 
-@pytest.mark.parametrize("task", TASKS)
+@pytest.mark.parametrize("task", [*TASKS, "optimise"])
 def test_what_follows_no_choice_of_effects_refuses_one(task):
     room = case(
         facade={"south": {"strips": [{"bottom": 1, "top": 2, "material": "glass"}]}},
@@ -123,7 +122,19 @@ def test_what_follows_no_choice_of_effects_refuses_one(task):
         effects={"suns": "all", "pictures": "off"},
     )
     with pytest.raises(InputError, match=r"effects\.suns: .*; leave it"):
-        TASKS[task](room)
+        {**TASKS, "optimise": Layout.of}[task](room)
+
+
+def test_a_search_takes_components_beside_its_strips_and_refuses_those_in_them(tmp_path):
+    beside = case(
+        components={"pipe": PIPE},
+        facade={"south": {"strips": [{"bottom": 1, "top": 2, "material": "glass"}]}},
+        design={"film": "opal"},
+    )
+    assert Layout.of(beside).film == "opal"
+    within = with_strip(tmp_path, SLATS).with_tables(design=beside.design)
+    with pytest.raises(InputError, match="stands in a strip that tiles would cut"):
+        Layout.of(within)
 
 
 def test_the_fingerprint_follows_recipes_and_meshes(tmp_path):
