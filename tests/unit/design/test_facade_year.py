@@ -11,37 +11,18 @@ from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.annual.chosen_facade import light_of_channels
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.case.case import Case
 from drcmitsuba.design.facade_tiles import TiledLight
 from drcmitsuba.design.facade_year import FacadeYear
 from drcmitsuba.metrics import accumulate
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.toml import checked
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.transport import coefficients, elements
-
-SIZE = [4.0, 5.0, 3.0]
-MATERIALS = {
-    "glass": {"type": "glazing", "transmittance": 0.65, "reflectance": 0.15},
-    "fabric": {"type": "diffuser", "transmittance": 0.3, "reflectance": 0.5},
-    "shade": {"type": "diffuser", "transmittance": 0.1, "reflectance": 0.4},
-}
-PLAIN = [
-    {"bottom": 0.9, "top": 1.8, "material": "glass"},
-    {"bottom": 1.8, "top": 2.7, "material": "fabric"},
-]
-MIXED = [
-    {"bottom": 0.9, "top": 1.8, "material": "glass", "segments": [0]},
-    {"bottom": 0.9, "top": 1.8, "material": "wall", "segments": [1]},
-    {"bottom": 1.8, "top": 2.7, "material": "fabric", "segments": [1]},
-    {"bottom": 1.8, "top": 2.7, "material": "open", "segments": [0]},
-]
-
+from tests.tiled_room import MIXED, PLAIN, SIZE, room
 
 HEIGHTS = np.array([0.9, 1.8, 2.7])
 FILLS = ("wall", "glass", "fabric")
@@ -50,19 +31,6 @@ FILLS = ("wall", "glass", "fabric")
 @pytest.fixture(autouse=True)
 def _backend():
     backend.select()
-
-
-def room(strips, side="south", frame=0.0, **changes):
-    tables = {
-        "room": {"size": SIZE, "floor": 0.3, "ceiling": 0.8, "walls": 0.6},
-        "materials": MATERIALS,
-        "facade": {side: {"segments": 2, "frame": frame, "strips": strips}},
-        "sensors": {"corner": [0.5, 0.5, 0.8], "count": [3, 4], "spacing": 1.0},
-        "shading": {"material": "shade"},
-        "period": {"months": [3], "hours": [9, 15]},
-        "accuracy": {"paths": 64, "sensor_sky_rays": 512},
-    }
-    return checked(Case, tables | changes, "room.toml")
 
 
 def few(light, count):
