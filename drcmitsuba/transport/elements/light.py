@@ -62,10 +62,12 @@ class ElementLight:
             yield slice(suns[0], suns[-1] + 1) if whole else suns, values[:, sky_bins:]
 
     @property
-    def arrays(self) -> tuple[np.ndarray, ...]:
-        """Arrays, each once."""
-        scatters = () if self.direct is self.straight else (self.direct,)
-        return (self.straight, *scatters, self.total, self.blocks)
+    def nbytes(self) -> int:
+        """Memory of the arrays, each once [bytes]; one without light takes none."""
+        arrays = {
+            id(a): a for a in (getattr(self, name) for name, lit in self.is_lit.items() if lit)
+        }
+        return sum(a.nbytes for a in arrays.values())
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,8 +97,8 @@ class LightByElement:
     @property
     def nbytes(self) -> int:
         """Memory of the arrays [bytes]."""
-        light = (a for e in (self.besides, *self.elements) for a in e.arrays)
-        return sum(a.nbytes for a in light) + sum(back.nbytes for back in self.returned)
+        light = sum(each.nbytes for each in (self.besides, *self.elements))
+        return light + sum(back.nbytes for back in self.returned)
 
     def shares(self, indices: np.ndarray) -> np.ndarray:
         """Shares (…, element) of openings with one fill each, `indices` (…, opening)."""

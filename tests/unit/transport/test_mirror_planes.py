@@ -1,8 +1,14 @@
 """Planes of mirrors, and the chains that are followed or told to be left out."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from drcmitsuba.model.materials import MirrorMaterial
+from drcmitsuba.plan import mirrors as plan_mirrors
+from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
+from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.transport.mirrors.mirror_planes import (
     FAINT,
     MOST_CHAINS,
@@ -51,3 +57,18 @@ def test_the_strongest_chains_are_followed():
 def test_faint_chains_count_for_nothing():
     rho = 0.9 * np.sqrt(FAINT)
     assert chains_left_out(ring(12), [rho] * 12) == (0, 0.0)
+
+
+def test_the_plan_tells_chains_that_are_left_out(monkeypatch):
+    mirror = MirrorMaterial(type="mirror", reflectance=0.5)
+    surfaces = [Surface(f"facet {i}", mirror, quads, "facets") for i, quads in enumerate(ring(12))]
+    monkeypatch.setattr(plan_mirrors, "surfaces_of", lambda *args: surfaces)
+    effect = plan_mirrors.mirrors(SimpleNamespace(case=None, reach=None), ALL_EFFECTS)
+    left = 144 - MOST_CHAINS
+    words = f"{left} pairs of mirrors more send on no sun in turn, the strongest of them 25 % of it"
+    assert words in effect.reason
+    assert effect.quantities["chains_left_out"] == left
+    few = surfaces[:3]
+    monkeypatch.setattr(plan_mirrors, "surfaces_of", lambda *args: few)
+    effect = plan_mirrors.mirrors(SimpleNamespace(case=None, reach=None), ALL_EFFECTS)
+    assert "pairs of mirrors" not in effect.reason
