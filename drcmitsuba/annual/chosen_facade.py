@@ -26,6 +26,7 @@ from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.elements import LightByElement, compute
+from drcmitsuba.transport.elements.simulate import MOST_BYTES
 
 
 def light_of_channels(
@@ -40,6 +41,7 @@ def light_of_channels(
     return tuple(
         compute(
             case, panes, suns, accuracy, effects, channel=number, kept=kept,
+            most_bytes=MOST_BYTES // len(numbers),
             progress=part(progress, i / len(numbers), (i + 1) / len(numbers)),
         )
         for i, number in enumerate(numbers)

@@ -128,7 +128,7 @@ def study(
 def _evaluate_facades(
     plan: Study, rows: list[Row], folder: Path, workers: Workers | None, progress: Progress
 ) -> float:
-    """Evaluate rows that differ in their façades by façade bases; return their share of all."""
+    """Evaluate rows that differ in their façades by shared elements; return their share of all."""
     done = 0.0
     for numbers in study_facades.together(_readable(plan, rows)):
         cases = [plan.case_of(rows[number]) for number in numbers]

@@ -161,14 +161,21 @@ class Case(Table):
             got = f"{task} counts no light by way of {shortened(self.standing[0])}"
             raise InputError(self.source, "components", got, "leave them out, or use evaluate")
 
-    def refuse_groups(self, task: str) -> None:
-        """Raise InputError where groups of panes close one by one: the task closes all together."""
+    def refuse_groups(self, task: str, changes: Side | None = None) -> None:
+        """Raise InputError where groups of panes close one by one: the task closes all together.
+
+        The side that the task `changes` may get clear panes.
+        """
         got = f"{task} knows one shade for all panes"
         if self.groups:
             raise InputError(self.source, "groups", got, "leave them out, or use evaluate")
-        facades = self.facade.values()
-        clear = sum(any(self.is_clear(s.material) for s in f.strips) for f in facades)
-        if self.shading is not None and self.shading.groups == "facing" and clear > 1:
+        clear = {
+            side
+            for side, facade in self.facade.items()
+            if side == changes or any(self.is_clear(strip.material) for strip in facade.strips)
+        }
+        clear |= set() if changes is None else {changes}
+        if self.shading is not None and self.shading.groups == "facing" and len(clear) > 1:
             remedy = 'give groups = "together" in [shading], or use evaluate'
             raise InputError(self.source, "shading.groups", f"{got}, not façade by façade", remedy)
 

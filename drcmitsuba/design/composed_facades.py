@@ -55,7 +55,8 @@ class Facades:
         ------
         InputError
             The search for a façade cannot hold the case: it has no `[design]`, tilts lamellae, is
-            of a model, has components, groups or other materials, or is too large.
+            of a model, has groups, components in its strips or other materials, or takes more
+            memory than there is.
         """
         if case.design is not None and case.design.component is not None:
             got = "the tilt of lamellae is searched, not a façade"

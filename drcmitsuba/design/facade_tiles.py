@@ -65,7 +65,8 @@ class TiledLight:
     ) -> TiledLight:  # fmt: skip
         """Cut a side of a case by a grid; arguments as for `TiledFacades.of_grid`.
 
-        `light` gives the light of the tiles, channel by channel.
+        `light` gives the light of the tiles, channel by channel. Errors are those of `of_grid`,
+        and of `light`.
         """
         tiled = TiledFacades.of_grid(case, side, heights, segments, fills)
         (drawn,), tiles = tiled.drawn, segments * (len(heights) - 1)

@@ -62,8 +62,8 @@ class FacadeYear:
         share : mi.TensorXf, shape (tile, material)
             Shares of the tiles' area, the shade open; rows sum to 1. Gradients flow through.
         scale : dict, optional
-            Factors of the light that comes in by a material, by default 1. Light that the
-            material sends back into the room keeps its weight.
+            Factors of the light that comes in by a material, in all sides, by default 1. Light
+            that the material sends back into the room keeps its weight.
 
         Returns
         -------
@@ -87,8 +87,8 @@ class FacadeYear:
         """Factor of the light of every element, and 1."""
         factors = dr.ones(mi.Float, len(self.names))
         for name, value in scale.items():
-            if name not in self.names:
-                known = ", ".join(self.materials)
+            if not name or name not in self.names:
+                known = ", ".join(dict.fromkeys(filter(None, self.names)))
                 raise InputError("design", "scale", f"no material {name!r}", f"choose of {known}")
             factors = dr.select(mi.Bool([own == name for own in self.names]), value, factors)
         return factors

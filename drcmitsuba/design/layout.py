@@ -77,10 +77,10 @@ class Layout:
             raise InputError(case.source, "design", "no such table", remedy)
         case.refuse_overruled("the search for a façade")
         refuse_structures_in_strips(case, "evaluate the case, or search its tilt")
-        case.refuse_groups("the search for a façade")
         assert case.room is not None
         assert design.film is not None  # with a component in its place, one stands
         side: Side = design.side or case.glazed[0]
+        case.refuse_groups("the search for a façade", side)
         facade = case.facade.get(side, Facade())
         if facade.frame > 0:
             got = f"frames of {facade.frame:g} m, which the search does not know"

@@ -19,7 +19,7 @@ def mitsuba_scene(shapes: Mapping[str, Any]) -> mi.Scene:
     the rays in scenes with other tables and goes on, so all scenes share the table of one.
     """
     variant = str(mi.variant())
-    shared = {"table": _owner_of_table(variant)} if variant.startswith("cuda") else {}
+    shared = {"shared_table": _owner_of_table(variant)} if variant.startswith("cuda") else {}
     return mi.load_dict({"type": "scene", **shared, **shapes}, optimize=False)
 
 

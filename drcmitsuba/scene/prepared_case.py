@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
+import mitsuba as mi
 import numpy as np
 import xarray as xr
 
@@ -71,13 +72,18 @@ class PreparedCase:
 
 
 class _Itself:
-    """Key of a case that only the same object equals: cases are frozen, and large to compare."""
+    """Key of a case that only the same object equals: cases are frozen, and large to compare.
+
+    Sensors of models are found by rays, so a variant of Mitsuba has its own.
+    """
 
     def __init__(self, case: Case) -> None:
-        self.case = case
+        self.case, self.variant = case, mi.variant()
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Itself) and self.case is other.case
+        if not isinstance(other, _Itself):
+            return False
+        return self.case is other.case and self.variant == other.variant
 
     def __hash__(self) -> int:
         return id(self.case)

@@ -109,6 +109,15 @@ def test_shades_that_close_side_by_side_are_refused(run, case, tmp_path):
     assert "knows one shade for all panes, not façade by façade" in " ".join(err.split())
 
 
+def test_a_side_that_may_get_glass_counts_with_its_shades(run, case, tmp_path):
+    """The southern side has no clear pane now; the search would close it with the west."""
+    film = TWO_SIDES.replace('material = "glass" }]', 'material = "film" }]', 1)
+    case.write_text(film.replace("[design]", '[design]\nclear = "glass"'))
+    code, _, err = run("optimise", case, "-o", tmp_path / "d")
+    assert code == 2
+    assert "knows one shade for all panes, not façade by façade" in " ".join(err.split())
+
+
 def test_turned_transmittances_are_simulated_afresh(run, case, tmp_path):
     case.write_text(CASE + "shade_vlt = [0.05, 0.2]\n")
     code, out, _ = run("optimise", case, "-o", tmp_path / "d")

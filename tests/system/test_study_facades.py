@@ -1,4 +1,4 @@
-"""Rows that differ in their façades share a basis: the same numbers however they are shared out."""
+"""Rows that differ in their façades share a simulation: the same numbers in any shares."""
 
 import pytest
 
@@ -127,7 +127,7 @@ def test_a_name_stands_for_one_material(cases):
         assert one.metrics == cases[0].metrics
 
 
-def test_rows_share_a_basis_where_a_basis_holds_them(cases):
+def test_rows_share_a_simulation_where_one_holds_them(cases):
     def shared(others):
         return together((i, case, "sky") for i, case in enumerate(others))
 

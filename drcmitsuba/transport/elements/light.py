@@ -51,6 +51,11 @@ class ElementLight:
         names = ("straight", "direct", "total", "blocks")
         return {name: bool(getattr(self, name).any()) for name in names}
 
+    @property
+    def gives_light(self) -> bool:
+        """Whether any sensor gets its light, be it by way of openings alone."""
+        return self.is_lit["total"] or self.is_lit["blocks"]
+
     def pieces(
         self, sky_bins: int, values: np.ndarray
     ) -> Iterator[tuple[slice | np.ndarray, np.ndarray]]:

@@ -32,7 +32,8 @@ TOGETHER = 1 << 26
 
 def compute(
     case: Case, openings: PaneGroups, suns: Suns, accuracy: Accuracy, effects: EnabledEffects, *,
-    channel: int = -1, kept: int | None = None, progress: Progress = lambda share: None,
+    channel: int = -1, kept: int | None = None, most_bytes: int = MOST_BYTES,
+    progress: Progress = lambda share: None,
 ) -> LightByElement:  # fmt: skip
     """Compute the coefficients of every opening with every fill.
 
@@ -42,7 +43,9 @@ def compute(
         As for `ElementTrace.of`.
     kept : int, optional
         Number of independent results, a divisor of the number of replicates; each is the mean over
-        as many of them. By default every replicate is kept.
+        replicates / kept of them. By default every replicate is kept.
+    most_bytes : int
+        Largest memory of the coefficients [bytes].
     progress : callable
         Takes the share of the work that is done.
 
@@ -58,16 +61,19 @@ def compute(
     """
     kept = accuracy.replicates if kept is None else kept
     draws = accuracy.replicates // kept
+    assert draws * kept == accuracy.replicates
     trace = ElementTrace.of(case, openings, suns, accuracy, effects, channel=channel, draws=draws)
     every = (trace.besides, *trace.elements)
     lit = [e for e in every if not e.is_opaque]
-    _check_size(case, trace, kept, [3 * len(element.bins) for element in lit])
+    _check_size(case, trace, kept, [len(element.bins) for element in lit], most_bytes)
     lights = [_empty(trace, kept, element) for element in every]
     rows = max(trace.paths.gathered.cells.count, len(trace.points))
     together = max(1, TOGETHER // (rows * len(trace.labels)))
+    results, G = range(0), list[tuple[Matrix, Matrix]]()
     for some in _launches(accuracy.replicates, draws, together):
-        results = range(some.start // draws, (some.stop - 1) // draws + 1)
-        G = [(trace.paths.matrix(k), trace.paths.onto_blocks(k)) for k in results]
+        before, results = results, range(some.start // draws, (some.stop - 1) // draws + 1)
+        if results != before:  # one result may take several launches
+            G = [(trace.paths.matrix(k), trace.paths.onto_blocks(k)) for k in results]
         besides = trace.beside(some)
         if besides is not None:
             _add(lights[0], results, draws, besides, G)
@@ -91,8 +97,8 @@ def memory(
     openings: GroupStates, suns: Suns, accuracy: Accuracy, sensors: int, subdivision: int
 ) -> int:
     """Memory that light by element of so many `sensors` takes, about [bytes]."""
-    bins, receivers = len(Patches(subdivision)) + len(suns.labels), 3 * sensors + BLOCKS
-    return 4 * openings.starts[-1] * accuracy.replicates * bins * receivers
+    bins = openings.starts[-1] * (len(Patches(subdivision)) + len(suns.labels))
+    return _size(sensors, BLOCKS, accuracy.replicates, bins)
 
 
 def _launches(replicates: int, draws: int, together: int) -> Iterator[range]:
@@ -144,12 +150,20 @@ def _summed(values: np.ndarray, results: int, draws: int) -> np.ndarray:
     return values.reshape(results, -1, *values.shape[1:]).sum(axis=1) / np.float32(draws)
 
 
-def _check_size(case: Case, trace: ElementTrace, kept: int, arrays: list[int]) -> None:
-    """Refuse more elements than memory holds: numbers of bins of each, of all arrays together."""
-    receivers = len(trace.points) + trace.paths.blocks
-    each = [4 * kept * receivers * n for n in arrays]
-    if sum(each) > MOST_BYTES:
-        fit = int(np.searchsorted(np.cumsum(each), MOST_BYTES)) - 1
+def _size(sensors: int, blocks: int, kept: int, bins: int) -> int:
+    """Memory of C and D of so many bins, by all results [bytes]."""
+    return 4 * kept * bins * (3 * sensors + blocks)
+
+
+def _check_size(
+    case: Case, trace: ElementTrace, kept: int, bins: list[int], most_bytes: int
+) -> None:
+    """Refuse more elements than memory holds; `bins` are the numbers of bins of each."""
+    each = [_size(len(trace.points), trace.paths.blocks, kept, n) for n in bins]
+    if sum(each) > most_bytes:
+        fit = int(np.searchsorted(np.cumsum(each), most_bytes)) - 1
         got = f"{sum(each) / 2**30:.2g} GiB for {len(each) - 1} openings with one fill each"
-        remedy = f"{max(fit, 0)} of them fit: take fewer fills, sensors, replicates or time stamps"
+        fewer = "fills, tiles, sensors or time stamps"
+        fewer += ", or fewer replicates" if kept == trace.accuracy.replicates else ""
+        remedy = f"{max(fit, 0)} of them fit: take fewer {fewer}"
         raise InputError(case.source, "elements", got, remedy)

@@ -133,7 +133,7 @@ class SmoothYear:
         no_opening = np.diag(np.append(np.zeros(len(elements), np.float32), 1))
 
         def part(mask: np.ndarray) -> _Part:
-            at = np.flatnonzero(mask & [element.is_lit["total"] for element in elements])
+            at = np.flatnonzero(mask & [element.gives_light for element in elements])
             some = [elements[e] for e in at]
             return _Part(at, *(_rows(some, name, bins) for name in ("total", "blocks")))
 
@@ -251,7 +251,7 @@ def _taken(values: mi.Float, index: np.ndarray) -> mi.Float:
 def _lit(light: LightByElement) -> np.ndarray:
     """Bins that any light comes from: ground, all sky patches, and some suns; int, (bin,)."""
     every = (light.besides, *light.elements)
-    some = [each.bins for each in every if each.is_lit["total"]]
+    some = [each.bins for each in every if each.gives_light]
     return np.unique(np.concatenate([np.arange(light.sky_bins), *some]))
 
 

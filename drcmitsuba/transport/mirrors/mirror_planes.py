@@ -24,7 +24,7 @@ MOST_AXES = 12
 MOST_PLANES = 24
 """Largest number of planes of an axis, those of the largest area."""
 MOST_CHAINS = 48
-"""Largest number of chains, those that reflect most."""
+"""Largest number of chains: those of one mirror, and those of several that reflect most."""
 FAINT = 2e-3
 """Product of reflectances at normal incidence below which mirrors in turn are left out [–]."""
 PARALLEL = 2e-4
@@ -46,26 +46,29 @@ def chains_left_out(quads: Sequence[np.ndarray], rho: Sequence[float]) -> tuple[
     Arguments are those of `MirrorFaces.of`.
     """
     faces = MirrorFaces.of(quads, rho)
-    beyond = [] if faces is None else chains_of(faces.rectangles, faces.strongest)[MOST_CHAINS:]
-    return len(beyond), beyond[0][0] if beyond else 0.0
+    every = [] if faces is None else chains_of(faces.rectangles, faces.strongest)
+    kept = strongest_of(every)
+    beyond = [reflected for reflected, chain in every if chain not in kept]
+    return len(beyond), max(beyond, default=0.0)
 
 
 class MirrorFaces(NamedTuple):
     """Faces of mirrors by plane and axis."""
 
     quads: np.ndarray
-    """Shape (quad, 4, 3) [m]."""
+    """Faces of all mirrors [m], shape (quad, 4, 3)."""
     owner: np.ndarray
     """Mirror of every quad, int, shape (quad,)."""
     axis: np.ndarray
-    """Axis of every quad, −1 where its plane is left out."""
+    """Axis of every quad, −1 where its plane is left out, int, shape (quad,)."""
     plane: np.ndarray
+    """Plane of every quad, −1 for none, int, shape (quad,)."""
     kept: np.ndarray
-    """Plane of every quad, and the planes that are followed."""
+    """Planes that are followed, int, shape (plane,)."""
     axes: np.ndarray
-    """Shape (axis, 3)."""
+    """Unit normals, of either sign, shape (axis, 3)."""
     rectangles: list[np.ndarray]
-    """Rectangles around the mirrors of every plane, by axis."""
+    """Rectangles around the mirrors of every plane, by axis [m], shape (rectangle, 4, 3) each."""
     strongest: np.ndarray
     """Largest reflectance of an axis at normal incidence [–], shape (axis,)."""
 
@@ -194,5 +197,6 @@ def chains_of(rectangles: list[np.ndarray], rho: np.ndarray) -> list[tuple[float
 
 
 def strongest_of(chains: list[tuple[float, tuple[int, ...]]]) -> tuple[tuple[int, ...], ...]:
-    """Chains that are followed, those of few mirrors first."""
-    return tuple(sorted((chain for _, chain in chains[:MOST_CHAINS]), key=len))
+    """Chains that are followed, those of few mirrors first: all of one mirror are."""
+    order = sorted((chain for _, chain in chains), key=lambda chain: len(chain) > 1)
+    return tuple(sorted(order[:MOST_CHAINS], key=len))

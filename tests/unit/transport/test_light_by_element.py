@@ -13,6 +13,7 @@ from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.transport import coefficients, elements
+from drcmitsuba.transport.elements import simulate
 from tests.unit.transport.exact_scenes import CLOTH, GLASS, OPAL, OPPOSITE, SUNS
 
 ROOM = {
@@ -127,14 +128,47 @@ def test_blocked_groups_let_nothing_in():
     assert not light.besides.blocks.any()
 
 
+@pytest.mark.parametrize(
+    ("draws", "together"), [(1, 1), (1, 4), (3, 2), (3, 3), (3, 7), (6, 4), (6, 100), (2, 5)]
+)
+def test_launches_hold_whole_results_or_parts_of_one(draws, together):
+    launches = list(simulate._launches(6, draws, together))
+    assert [r for some in launches for r in some] == list(range(6))
+    for some in launches:
+        assert len(some) <= together
+        whole = some.start % draws == 0 and some.stop % draws == 0
+        assert whole or some.start // draws == (some.stop - 1) // draws
+
+
+@pytest.mark.parametrize("kept", [1, 3])
+def test_results_are_means_however_they_are_launched(monkeypatch, kept):
+    one = case(accuracy={**ACCURACY, "replicates": 6, "paths": 16})
+
+    def coefficients_of():
+        light = elements.compute(
+            one, PaneGroups.of(one), SUNS, one.accuracy, ALL_EFFECTS, kept=kept
+        )
+        assert light.replicates == kept
+        return [element.total for element in light.elements]
+
+    together = coefficients_of()
+    monkeypatch.setattr(simulate, "TOGETHER", 1)
+    for a, b in zip(together, coefficients_of(), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-4, atol=1e-7)
+
+
 def test_light_by_element_needs_openings():
     with pytest.raises(InputError, match="groups: there is none"):
         light_of(case(groups={}))
 
 
-def test_more_elements_than_memory_holds_are_refused(monkeypatch):
-    monkeypatch.setattr("drcmitsuba.transport.elements.simulate.MOST_BYTES", 10 << 20)
-    with pytest.raises(
-        InputError, match=r"elements: 0\.017 GiB for 6 openings with one fill each; 3 of them fit"
-    ):
-        light_of(case())
+def test_more_elements_than_memory_holds_are_refused():
+    one = case()
+    trace = (
+        r"elements: 0\.\d+ GiB for 6 openings with one fill each; 3 of them fit: take fewer fills"
+    )
+    whole = elements.memory(PaneGroups.of(one).states, SUNS, one.accuracy, 9, 1)
+    with pytest.raises(InputError, match=words):
+        elements.compute(
+            one, PaneGroups.of(one), SUNS, one.accuracy, ALL_EFFECTS, most_bytes=whole // 3
+        )
