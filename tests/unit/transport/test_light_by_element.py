@@ -164,9 +164,7 @@ def test_light_by_element_needs_openings():
 
 def test_more_elements_than_memory_holds_are_refused():
     one = case()
-    trace = (
-        r"elements: 0\.\d+ GiB for 6 openings with one fill each; 3 of them fit: take fewer fills"
-    )
+    words = r"elements: 0\.\d+ GiB for 6 openings with one fill each; 3 of them fit: take fewer"
     whole = elements.memory(PaneGroups.of(one).states, SUNS, one.accuracy, 9, 1)
     with pytest.raises(InputError, match=words):
         elements.compute(
