@@ -93,6 +93,11 @@ LUMINANCE_WEIGHTS = {"red": 0.2126, "green": 0.7152, "blue": 0.0722}
 """Channels of a coloured case and their share of luminance (ITU-R BT.709 primaries)."""
 
 
+def channel_weights(channels: int) -> tuple[float, ...]:
+    """Weight of every channel in luminance [–]; a grey case has one channel, of weight 1."""
+    return tuple(LUMINANCE_WEIGHTS.values()) if channels > 1 else (1.0,)
+
+
 def describe(data: xr.Dataset) -> xr.Dataset:
     """Set unit and long name of every variable and coordinate that the table knows.
 

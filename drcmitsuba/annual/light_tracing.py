@@ -30,7 +30,7 @@ from drcmitsuba.runtime.progress import Progress, Stage, part
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.panes_in_state import grouped_panes
 from drcmitsuba.scene.prepared_case import prepared
-from drcmitsuba.schema import LUMINANCE_WEIGHTS
+from drcmitsuba.schema import channel_weights
 from drcmitsuba.sky.daylight import Daylight, daylight
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.windows.deposit import WindowPanes
@@ -178,7 +178,7 @@ def _coefficients(
     accuracy = run.accuracy(case, len(points))
     effects, windows = run.enabled_effects, _windows(case)
     channels = scene.channels_of(case, effects)
-    weights = LUMINANCE_WEIGHTS.values() if len(channels) > 1 else (1.0,)
+    weights = channel_weights(len(channels))
     of_channels = [
         weight * by_window_and_bounce(
             scene.load(case, state, channel, effects), points, normals, suns, accuracy, windows,

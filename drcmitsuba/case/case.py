@@ -172,7 +172,7 @@ class Case(Table):
         clear = {
             side
             for side, facade in self.facade.items()
-            if side == changes or any(self.is_clear(strip.material) for strip in facade.strips)
+            if any(self.is_clear(strip.material) for strip in facade.strips)
         }
         clear |= set() if changes is None else {changes}
         if self.shading is not None and self.shading.groups == "facing" and len(clear) > 1:

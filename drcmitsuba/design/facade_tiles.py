@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,8 +9,6 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.annual.simulation import joined_channels
-from drcmitsuba.case.case import Case
-from drcmitsuba.runtime.toml import Side
 from drcmitsuba.scene.materials import shade_covers
 from drcmitsuba.scene.tiled_facades import TiledFacades
 from drcmitsuba.transport.elements import LightByElement
@@ -60,29 +57,29 @@ class TiledLight:
 
     @classmethod
     def of(
-        cls, case: Case, side: Side, heights: np.ndarray, segments: int, fills: tuple[str, ...],
-        light: Callable[[TiledFacades], tuple[LightByElement, ...]],
-    ) -> TiledLight:  # fmt: skip
-        """Cut a side of a case by a grid; arguments as for `TiledFacades.of_grid`.
+        cls, tiled: TiledFacades, tiles: int, channels: tuple[LightByElement, ...]
+    ) -> TiledLight:
+        """Put light to tiles.
 
-        `light` gives the light of the tiles, channel by channel. Errors are those of `of_grid`,
-        and of `light`.
+        Parameters
+        ----------
+        tiled : TiledFacades
+            Tiles of a grid, from `TiledFacades.of_grid`.
+        tiles : int
+            Number of tiles of the grid, which come first.
+        channels : tuple of LightByElement
+            Light of all tiles in every colour channel.
         """
-        tiled = TiledFacades.of_grid(case, side, heights, segments, fills)
-        (drawn,), tiles = tiled.drawn, segments * (len(heights) - 1)
-        grid = [tile[0] for tile in tiled.rectangles[:tiles]]
+        (drawn,) = tiled.drawn
         others = [drawn[g] for g in range(tiles, len(tiled.fills))]
-        as_drawn = np.concatenate([np.zeros(0, np.float32), *others])
-        of_grid = np.tile([name in fills for name in tiled.fills[0]], tiles)
-        shade = None if case.shading is None else case.shading.material
         return cls(
-            tiles=Tiles(np.array(grid)),
+            tiles=Tiles(np.array([tile[0] for tile in tiled.rectangles[:tiles]])),
             materials=tiled.fills[0],
             names=tuple(name for names in tiled.fills for name in names),
-            as_drawn=as_drawn,
-            is_open=np.append(of_grid, as_drawn > 0),
-            closing=_closing(tiled, shade),
-            channels=light(tiled),
+            as_drawn=np.concatenate([np.zeros(0, np.float32), *others]),
+            is_open=tiled.is_open,
+            closing=_closing(tiled),
+            channels=channels,
         )
 
     def shares(self, composition: np.ndarray, *, closed: bool = False) -> np.ndarray:
@@ -104,16 +101,16 @@ class TiledLight:
         return joined_channels([light.coefficients(shares) for light in self.channels])
 
 
-def _closing(tiled: TiledFacades, shade: str | None) -> np.ndarray:
+def _closing(tiled: TiledFacades) -> np.ndarray:
     """Matrix of `TiledLight.closing`."""
     starts = tiled.panes.states.starts
     matrix = np.eye(starts[-1], dtype=np.float32)
     for g, (first, names) in enumerate(zip(starts, tiled.fills, strict=False)):
-        if shade not in names[1:]:
+        if tiled.shade not in names[1:]:
             continue
         for k in range(len(names)):
             material = tiled.panes.material(None, g, k)
             if shade_covers(material):
                 matrix[first + k, first + k] = 0
-                matrix[first + k, first + names.index(shade, 1)] = 1
+                matrix[first + k, first + names.index(tiled.shade, 1)] = 1
     return matrix

@@ -12,7 +12,7 @@ import numpy as np
 from drcmitsuba.design.facade_tiles import TiledLight, Tiles
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
-from drcmitsuba.schema import LUMINANCE_WEIGHTS
+from drcmitsuba.schema import channel_weights
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.transport.elements.smooth_year import Illuminances, SmoothYear
 
@@ -37,7 +37,7 @@ class FacadeYear:
         years = [
             SmoothYear.of(light, daylight, tiled.is_open, tiled.closing) for light in tiled.channels
         ]
-        weights = LUMINANCE_WEIGHTS.values() if len(years) > 1 else (1.0,)
+        weights = channel_weights(len(years))
         still, names = flat(np.append(tiled.as_drawn, 1)), (*tiled.names, "")
         channels = tuple(zip(weights, years, strict=True))
         return cls(tiled.tiles, tiled.materials, names, still, channels)

@@ -28,7 +28,6 @@ from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
 from drcmitsuba.scene.tiled_facades import TiledFacades, refuse_structures_in_strips
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.daylight import daylight as daylight_of
-from drcmitsuba.transport.elements import LightByElement
 
 ROWS = 6
 
@@ -143,15 +142,13 @@ class Layout:
         with stage("sky"):
             daylight = daylight_of(case)
 
-        def of_tiles(tiled: TiledFacades) -> tuple[LightByElement, ...]:
-            with stage("light by tile") as done:
-                return light_of_channels(
-                    tiled.case, tiled.panes, daylight.suns, case.accuracy, ALL_EFFECTS, done, kept
-                )
-
         fills = ("wall", self.clear, self.film)
-        tiles = TiledLight.of(case, self.side, heights, self.segments, fills, of_tiles)
-        return tiles, daylight
+        tiled = TiledFacades.of_grid(case, self.side, heights, self.segments, fills)
+        with stage("light by tile") as done:
+            channels = light_of_channels(
+                tiled.case, tiled.panes, daylight.suns, case.accuracy, ALL_EFFECTS, done, kept
+            )
+        return TiledLight.of(tiled, self.segments * (len(heights) - 1), channels), daylight
 
     @property
     def search(self) -> Search:

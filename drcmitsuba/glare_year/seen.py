@@ -18,7 +18,7 @@ from drcmitsuba.glare_year.tiles import EyeTiles
 from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.schema import LUMINANCE_WEIGHTS
+from drcmitsuba.schema import channel_weights
 
 sparse = lazy.module("scipy.sparse")
 
@@ -55,7 +55,7 @@ class SeenSurfaces:
 
     def luminance(self, E: np.ndarray) -> np.ndarray:
         """Luminance of the points [cd/m²], (point, time), by E (channel, point, time) [lx]."""
-        shares = list(LUMINANCE_WEIGHTS.values()) if len(E) > 1 else [1.0]
+        shares = channel_weights(len(E))
         weights = self.weight.astype(np.float32).T
         return sum(share * w[:, None] * e for share, w, e in zip(shares, weights, E, strict=True))
 

@@ -41,7 +41,7 @@ class Receivers:
 
 @dataclass(frozen=True, eq=False)
 class PreparedCase:
-    """What follows from the tables of a case alone; each part is found when it is first asked for.
+    """A case with what follows from its tables alone; a part is found when it is first asked for.
 
     Errors are those of the functions that find it.
     """

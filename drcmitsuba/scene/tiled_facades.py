@@ -43,6 +43,10 @@ class TiledFacades:
     shape (rectangle, 4)."""
     fills: tuple[tuple[str, ...], ...]
     """Names of the fills by tile: materials, `HOLE`, `WALL` or `FRAME`."""
+    is_open: np.ndarray
+    """Whether a fill may stand in its tile while the shade is open, tile by tile, bool, (fill,)."""
+    shade: str | None
+    """Material of the shade."""
     drawn: tuple[dict[int, np.ndarray], ...]
     """Shares (fill,) of every tile in each variant, the shade open."""
 
@@ -166,8 +170,16 @@ class TiledFacades:
         )
         bare = {side: Facade() for side in first.facade if side not in rest}
         tables = {"materials": materials, "facade": bare, "shading": None, "groups": {}}
-        rectangles = tuple(tile.rectangles for tile in tiles)
-        return cls(first.with_tables(**tables), panes, rectangles, tuple(fills), drawn)
+        each = zip(tiles, fills, strict=True)
+        return cls(
+            case=first.with_tables(**tables),
+            panes=panes,
+            rectangles=tuple(tile.rectangles for tile in tiles),
+            fills=tuple(fills),
+            is_open=np.array([name in tile.fills for tile, names in each for name in names]),
+            shade=shade,
+            drawn=drawn,
+        )
 
 
 def _tiles(cases: Sequence[Case], side: Side) -> tuple[list[_Tile], np.ndarray]:

@@ -16,6 +16,7 @@ from drcmitsuba.design.facade_tiles import TiledLight
 from drcmitsuba.design.facade_year import FacadeYear
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
+from drcmitsuba.scene.tiled_facades import TiledFacades
 from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.transport import elements
 
@@ -36,14 +37,10 @@ def fastest(function, times=7):
 def by_tile(case, light, heights, segments, kept):
     """Light of the classroom by tile, of wall, glass and film."""
 
-    def simulated(tiled):
-        return (
-            elements.compute(
-                tiled.case, tiled.panes, light.suns, case.accuracy, ALL_EFFECTS, kept=kept
-            ),
-        )
-
-    return TiledLight.of(case, "south", heights, segments, ("wall", "glass", "film"), simulated)
+    fills, suns = ("wall", "glass", "film"), light.suns
+    tiled = TiledFacades.of_grid(case, "south", heights, segments, fills)
+    lit = elements.compute(tiled.case, tiled.panes, suns, case.accuracy, ALL_EFFECTS, kept=kept)
+    return TiledLight.of(tiled, segments * (len(heights) - 1), (lit,))
 
 
 def main():

@@ -13,6 +13,7 @@ from drcmitsuba.design.facade_tiles import TiledLight
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
 from drcmitsuba.scene.facade_rectangles import fill_at
+from drcmitsuba.scene.tiled_facades import TiledFacades
 from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.transport import elements
 
@@ -66,10 +67,9 @@ def test_fifty_mixed_compositions(state, capsys):
     cases = [mixed(case, rng, i) for i in range(count)]
     finer = case.accuracy.model_copy(update={"replicates": 24})  # all compositions share its noise
 
-    def simulated(tiled):
-        return (elements.compute(tiled.case, tiled.panes, suns, finer, ALL_EFFECTS),)
-
-    tiled = TiledLight.of(case, "south", np.array(HEIGHTS), SEGMENTS, tuple(MATERIALS), simulated)
+    cut = TiledFacades.of_grid(case, "south", np.array(HEIGHTS), SEGMENTS, tuple(MATERIALS))
+    lit = elements.compute(cut.case, cut.panes, suns, finer, ALL_EFFECTS)
+    tiled = TiledLight.of(cut, 3 * SEGMENTS, (lit,))
     left, right, bottom, top = tiled.tiles.bounds.T
     centre = (left + right) / 2, (bottom + top) / 2
     length, _ = case.room.wall("south")
@@ -134,11 +134,10 @@ def test_light_of_a_pipe_beside_tiles_is_counted(same):
     case = Case.model_validate({**tables, "facade": {"south": {"strips": strips}}})
     light = daylight(case)
 
-    def simulated(tiled):
-        return (elements.compute(tiled.case, tiled.panes, light.suns, case.accuracy, ALL_EFFECTS),)
-
-    fills, heights = ("wall", "glass", "opal"), np.array([0.9, 1.8, 2.7])
-    tiled = TiledLight.of(case, "south", heights, 1, fills, simulated)
+    heights = np.array([0.9, 1.8, 2.7])
+    cut = TiledFacades.of_grid(case, "south", heights, 1, ("wall", "glass", "opal"))
+    lit = elements.compute(cut.case, cut.panes, light.suns, case.accuracy, ALL_EFFECTS)
+    tiled = TiledLight.of(cut, 2, (lit,))
     ours = tiled.coefficients(np.array([[0, 1, 0], [0, 0, 1]]))
     other = case.accuracy.model_copy(update={"seed": 99})
     fresh = simulation.transport(

@@ -197,8 +197,7 @@ def _spread(rounds: list[list[np.ndarray]]) -> float:
 
 def _channels(case: Case) -> Iterator[tuple[int, float]]:
     """Index and weight of each colour channel; a grey case has one channel."""
-    weights = list(schema.LUMINANCE_WEIGHTS.values()) if scene.is_coloured(case) else [1.0]
-    yield from enumerate(weights)
+    yield from enumerate(schema.channel_weights(3 if scene.is_coloured(case) else 1))
 
 
 def direct_sun(case: Case, light: ReferenceDaylight) -> np.ndarray:

@@ -19,6 +19,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
 from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.tiled_facades import TiledFacades
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.transport import coefficients, elements
@@ -42,10 +43,9 @@ def few(light, count):
 def by_tile(case, suns, accuracy, *, kept=None, segments=2, fills=FILLS, side="south"):
     """Light of a case by the tiles of a grid."""
 
-    def simulated(tiled):
-        return (elements.compute(tiled.case, tiled.panes, suns, accuracy, ALL_EFFECTS, kept=kept),)
-
-    return TiledLight.of(case, side, HEIGHTS, segments, fills, simulated)
+    tiled = TiledFacades.of_grid(case, side, HEIGHTS, segments, fills)
+    light = elements.compute(tiled.case, tiled.panes, suns, accuracy, ALL_EFFECTS, kept=kept)
+    return TiledLight.of(tiled, 2 * segments, (light,))
 
 
 def share_of(*names, fills=(*FILLS, "shade")):
@@ -168,12 +168,11 @@ def test_a_coloured_year_is_that_of_its_luminance():
     accuracy = Accuracy(paths=256, replicates=8)
 
     def by_channel(kept):
-        def simulated(tiled):
-            return light_of_channels(
-                tiled.case, tiled.panes, light.suns, accuracy, ALL_EFFECTS, lambda part: None, kept
-            )
-
-        return TiledLight.of(case, "south", HEIGHTS, 1, FILLS, simulated)
+        tiled = TiledFacades.of_grid(case, "south", HEIGHTS, 1, FILLS)
+        channels = light_of_channels(
+            tiled.case, tiled.panes, light.suns, accuracy, ALL_EFFECTS, lambda part: None, kept
+        )
+        return TiledLight.of(tiled, 2, channels)
 
     one, share = by_channel(1), share_of("glass", "fabric")
     E = FacadeYear.of(one, light).illuminance(mi.TensorXf(share))
