@@ -32,9 +32,11 @@ NEAR = 0.25
 """Distance within which lines pass the same leak [m]."""
 NARROW = 5e-3
 """Share of the rays that may leave a model by cracks, with a note [–]."""
-CRACK, AROUND = 0.02, 8
+CRACK, AROUND = 0.03, 8
 """Distance of rays beside a lost one by which it has passed a crack or a hole [m]; their number."""
-MOST_WIDE = 0.1
+OFF_PLANE = 1e-3
+"""Distance within which the start of a ray lies in the plane of a surface [m]."""
+MOST_WIDE = 0.25
 """Share of the lost rays that may pass a hole where a leak counts as cracks [–]."""
 MOST_LINES = 200
 """Number of lost rays by which a leak is located."""
@@ -73,7 +75,7 @@ def crack_notes(case: Case) -> list[str]:
     leak = _leak(case)
     if leak is None or not leak.is_crack:
         return []
-    return [f"model: {leak.words}, by cracks below {1000 * CRACK:g} mm: no light enters there"]
+    return [f"model: {leak.words}, by cracks below {1000 * CRACK:g} mm, whose light counts"]
 
 
 def _leak(case: Case) -> Leak | None:
@@ -114,7 +116,11 @@ def _closed(model: Model, low: np.ndarray) -> mi.Scene:
 
 
 def _wide(scene: mi.Scene, start: np.ndarray, direction: np.ndarray) -> float:
-    """Share of lost rays beside which all others at the distance `CRACK` are lost, too [–]."""
+    """Share of lost rays beside which all others at the distance `CRACK` are lost, too [–].
+
+    A surface between the lost ray and one beside it counts as well; the surface that the lost ray
+    leaves tells nothing.
+    """
     turn = np.arange(AROUND) * (2 * np.pi / AROUND)
     ring = CRACK * np.stack([np.cos(turn), np.sin(turn)])
     lane = dr.arange(mi.UInt32, len(start) * AROUND)
@@ -122,8 +128,12 @@ def _wide(scene: mi.Scene, start: np.ndarray, direction: np.ndarray) -> float:
     d = dr.gather(mi.Vector3f, flat(direction), ray)
     away = dr.gather(mi.Vector2f, flat(ring.T), beside)
     frame = mi.Frame3f(d)
-    p = dr.gather(mi.Point3f, flat(start), ray) + frame.s * away.x + frame.t * away.y
-    hit = scene.ray_test(mi.Ray3f(p, d), coherent=False)
+    own = dr.gather(mi.Point3f, flat(start), ray)
+    aside = frame.s * away.x + frame.t * away.y
+    hit = mi.Bool(False)
+    for each in (mi.Ray3f(own, aside, 1, 0, []), mi.Ray3f(own + aside, d)):
+        met = scene.ray_intersect(each)
+        hit |= met.is_valid() & (dr.abs(dr.dot(met.n, own - met.p)) > OFF_PLANE)
     return float((~hit.numpy().reshape(len(start), AROUND).any(axis=1)).mean())
 
 

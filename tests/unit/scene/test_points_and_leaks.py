@@ -123,12 +123,13 @@ def test_a_crack_is_noted_and_a_hole_refused():
     crack = room(hole=slit(0.006))
     refuse_leaks(crack)
     [note] = crack_notes(crack)
-    assert "by cracks below 20 mm" in note
+    assert "by cracks below 30 mm" in note
     assert note in notes(crack)
     share = float(note.split()[1])
     assert 0.01 < share < 0.3
     assert crack_notes(room()) == []
-    for hole in (slit(0.2), np.array([[1, 2, 3], [1.3, 2, 3], [1.3, 2.3, 3], [1, 2.3, 3]])):
+    corner = np.array([[0.001, 1, 3], [0.1, 1, 3], [0.1, 1.6, 3], [0.001, 1.6, 3]])  # by a wall
+    for hole in (slit(0.2), corner, np.array([[1, 2, 3], [1.3, 2, 3], [1.3, 2.3, 3], [1, 2.3, 3]])):
         with pytest.raises(InputError, match="leave it near"):
             refuse_leaks(room(hole=hole))
 
