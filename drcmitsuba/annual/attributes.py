@@ -17,6 +17,7 @@ from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.runtime.provenance import METHOD
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.prepared_case import prepared
+from drcmitsuba.scene.spaces import spaces_of
 from drcmitsuba.scene.structures.recipe import Mesh, load_recipe
 from drcmitsuba.sky.daylight import Daylight
 
@@ -24,7 +25,7 @@ from drcmitsuba.sky.daylight import Daylight
 def fingerprint(case: Case, enabled_effects: EnabledEffects) -> str:
     """Digest of everything that determines C, the contents of files included."""
     names = {"room", "facade", "materials", "components", "furniture", "sensors", "shading", "sun"}
-    names |= {name for name in ("model", "groups") if getattr(case, name)}
+    names |= {name for name in ("model", "groups", "spaces") if getattr(case, name)}
     settings = case.model_dump(mode="json", include=names | {"accuracy"})
     for name in ("target", "time_limit"):
         del settings["accuracy"][name]
@@ -69,6 +70,14 @@ def settings(case: Case, daylight: Daylight) -> dict[str, Any]:
     }
 
 
+def _spaces(case: Case) -> list[dict[str, Any]]:
+    """Name, use, storey and floor area [m²] of every space."""
+    return [
+        {"name": s.name, "use": s.use, "storey": s.storey, "floor_area": s.floor_area}
+        for s in spaces_of(case)
+    ]
+
+
 def attributes(case: Case, daylight: Daylight, enabled_effects: EnabledEffects) -> dict[str, Any]:
     """Attributes of C: rule of the shade, place of the suns, thresholds, and the whole case."""
     return {
@@ -79,6 +88,7 @@ def attributes(case: Case, daylight: Daylight, enabled_effects: EnabledEffects) 
         "weather": daylight.source,
         "version": version("drcmitsuba"),
         "method": METHOD,
+        "spaces": json.dumps(_spaces(case), ensure_ascii=False),
         "settings": json.dumps(settings(case, daylight), ensure_ascii=False),
         "fingerprint": fingerprint(case, enabled_effects),
     }

@@ -192,6 +192,7 @@ class LargeYear:
         month, names = metrics.months(sky["sky"], "sky"), list(sensors_by_grid(self.sensors))
         alike: dict[str, Any] = {"data_vars": "minimal", "coords": "minimal", "compat": "override"}
         every = xr.concat(counts, "sensor", **alike)
+        record["spaces"] = self.attributes["spaces"]
         every = every.assign_coords(self.sensors.coords).assign_attrs(record)
         return CountedYear(
             every, month, self.rules, draws.draws(shut, month - 1, names), shut, taken.of_group

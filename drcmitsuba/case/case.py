@@ -28,9 +28,16 @@ from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.case.model import ModelTable
 from drcmitsuba.case.output import Output
 from drcmitsuba.case.room import Room
-from drcmitsuba.case.sensors import AnySensors, FloorSensors, Sensors
+from drcmitsuba.case.sensors import (
+    AnySensors,
+    FloorSensors,
+    PointSensors,
+    Sensors,
+    SpaceSensors,
+)
 from drcmitsuba.case.shading import AREA, THRESHOLD, Shading
 from drcmitsuba.case.sky import Outside, PerezSky, Sky
+from drcmitsuba.case.spaces import SpaceTable
 from drcmitsuba.case.sun import Sun, TrueSun, check_sun
 from drcmitsuba.case.unit_check import ask_about_furniture, ask_about_room, ask_about_spacing
 from drcmitsuba.case.views import ViewTable
@@ -85,6 +92,10 @@ class Case(Table):
     """Components that are geometry, by name."""
     furniture: Annotated[tuple[Furniture, ...], Field(max_length=10_000)] = ()
     """Boxes and plates, inside the room or outside of it."""
+    spaces: Annotated[dict[Name, SpaceTable], Field(max_length=10_000)] = Field(
+        default_factory=dict
+    )
+    """Rooms of the model by name, beside those that its files tell."""
     sensors: AnySensors
     """Points at which the illuminance is computed."""
     shading: Shading | None = None
@@ -215,9 +226,14 @@ class Case(Table):
         if self.room is not None and self.model is not None:
             got = "beside a room of boxes"
             raise InputError("case", "model", got, "give one of them")
+        if self.model is None and self.spaces:
+            got = "there is no [model]"
+            raise InputError("case", "spaces", got, "leave them out: a box is one space")
         if self.model is None and not isinstance(self.sensors, Sensors):
-            if isinstance(self.sensors, FloorSensors):
-                raise InputError("case", "sensors.floors", "there is no [model]", "add one")
+            for kind, key in ((FloorSensors, "floors"), (SpaceSensors, "spaces")):
+                if isinstance(self.sensors, kind):
+                    raise InputError("case", f"sensors.{key}", "there is no [model]", "add one")
+            assert isinstance(self.sensors, PointSensors)
             if self.sensors.grids:
                 raise InputError("case", "sensors.grids", "there is no [model]", "add one")
         return self

@@ -8,7 +8,13 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
-from drcmitsuba.case.sensors import AnySensors, FloorSensors, PointSensors
+from drcmitsuba.case.sensors import (
+    AnySensors,
+    FloorSensors,
+    GridsByRule,
+    PointSensors,
+    SpaceSensors,
+)
 from drcmitsuba.model.materials import (
     BsdfMaterial,
     DielectricMaterial,
@@ -28,15 +34,17 @@ def tables_of(file: Path) -> dict[str, Any]:
 
 
 def usual_sensors(source: str, building: Model) -> AnySensors:
-    """Sensors of a model alone: its grids, or grids above its floors.
+    """Sensors of a model alone: its grids, or grids in its spaces, or above its floors.
 
     Raises
     ------
     InputError
-        The model has no grid, and no material whose name holds "floor".
+        The model has no grid, no space, and no material whose name holds "floor".
     """
     if building.grids:
         return PointSensors(grids=("*",))
+    if building.spaces:
+        return SpaceSensors(spaces=("*",))
     surfaces = (n for layer in building.layers if layer.role == "surface" for n in layer.names)
     floors = tuple(dict.fromkeys(name for name in surfaces if "floor" in name.lower()))
     if not floors:
@@ -147,11 +155,13 @@ def views_listing(views: Sequence[View]) -> list[str]:
 
 
 def _sensors(sensors: AnySensors) -> list[str]:
-    if not isinstance(sensors, FloorSensors):
+    if not isinstance(sensors, GridsByRule):
         return ['grids = ["*"]                        # the grids of the model']
     margin = json.dumps(sensors.margin)
+    where = sensors.floors if isinstance(sensors, FloorSensors) else ("*",)
+    key = "floors" if isinstance(sensors, FloorSensors) else "spaces"
     return [
-        f"floors = [{', '.join(map(_text, sensors.floors))}]",
+        f"{key} = [{', '.join(map(_text, where))}]",
         f"height = {sensors.height:g}                         # above the floor",
         f"spacing = {sensors.spacing:g}",
         f"margin = {margin}                         # without points, along the walls",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from drcmitsuba.case.model import ENDINGS
 from drcmitsuba.case.model_case import tables_of, usual_sensors
 from drcmitsuba.case.sensors import PointSensors
 from drcmitsuba.case.shipped import locate_case
+from drcmitsuba.case.spaces import with_tables
 from drcmitsuba.case.sun import Adaptive, check_sun
 from drcmitsuba.model.materials import BsdfMaterial, Lambertian
 from drcmitsuba.runtime.errors import InputError
@@ -86,6 +88,8 @@ def with_files(case: Case) -> Case:
         files = tuple(resolved(f, f"model.files.{i}") for i, f in enumerate(table.files))
         case = case.with_tables(model=table.model_copy(update={"files": files}))
         building = table.read(case.source, files, case.materials)
+        spaces = with_tables(building.spaces, case.spaces, case.source)
+        building = replace(building, spaces=spaces)
         # Sums over groups and meshes of suns count no light by way of mirrors.
         dull = bool(case.groups) or isinstance(case.sun, Adaptive)
         dull = dull or case.effects.components == "off"

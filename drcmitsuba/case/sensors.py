@@ -39,11 +39,9 @@ class Sensors(Table):
         return self
 
 
-class FloorSensors(Table):
-    """Grids of points that face up above a model's floors, one in each room; x fastest."""
+class GridsByRule(Table):
+    """Rule by which rooms get their grids: points that face up above the floor; x fastest."""
 
-    floors: Annotated[tuple[Name, ...], Field(min_length=1, max_length=1000)]
-    """Names of the floors' materials in the model's files; `*` stands for any text."""
     height: Annotated[float, Field(ge=0.001, le=10)] = 0.8
     """Height above the floor [m]."""
     spacing: Length = 0.3
@@ -56,6 +54,20 @@ class FloorSensors(Table):
     def edge(self) -> float:
         """Width of the margin [m]."""
         return MARGINS[self.margin] if isinstance(self.margin, str) else self.margin
+
+
+class FloorSensors(GridsByRule):
+    """Grids of points that face up above a model's floors, one in each room; x fastest."""
+
+    floors: Annotated[tuple[Name, ...], Field(min_length=1, max_length=1000)]
+    """Names of the floors' materials in the model's files; `*` stands for any text."""
+
+
+class SpaceSensors(GridsByRule):
+    """Grids of points that face up above the floors of spaces, one in each; x fastest."""
+
+    spaces: Annotated[tuple[Name, ...], Field(min_length=1, max_length=1000)]
+    """Names of spaces of the model or the case; `*` stands for any text."""
 
 
 OnePoint = Annotated[tuple[OnMap, ...], Field(min_length=3, max_length=6)]
@@ -98,6 +110,8 @@ def _kind(table: Any) -> str:
     """Kind of a table of sensors, by its keys or its class, in words that are no keys."""
     if isinstance(table, FloorSensors) or (isinstance(table, dict) and "floors" in table):
         return "grids above floors"
+    if isinstance(table, SpaceSensors) or (isinstance(table, dict) and "spaces" in table):
+        return "grids in spaces"
     listed = isinstance(table, dict) and ("points" in table or "grids" in table)
     return "single points" if isinstance(table, PointSensors) or listed else "box"
 
@@ -105,7 +119,8 @@ def _kind(table: Any) -> str:
 AnySensors = Annotated[
     Annotated[Sensors, Tag("box")]
     | Annotated[FloorSensors, Tag("grids above floors")]
+    | Annotated[SpaceSensors, Tag("grids in spaces")]
     | Annotated[PointSensors, Tag("single points")],
     Discriminator(_kind),
 ]
-"""Sensors of a case: a rectangular grid, grids above floors, or points."""
+"""Sensors of a case: a rectangular grid, grids above floors or in spaces, or points."""

@@ -54,7 +54,8 @@ def metrics_tables(numbers: dict, title: str) -> list[Table]:
     rows = zip(*(numbers[name] for name in monthly), strict=True)
     for month, row in enumerate(rows, start=1):
         months.add_row(str(month), *(percent(value) for value in row))
-    return [whole, months, *_groups_table(numbers), *_grids_table(numbers)]
+    parts = _spaces_table(numbers) or _grids_table(numbers)
+    return [whole, months, *_groups_table(numbers), *parts]
 
 
 def _groups_table(numbers: dict) -> list[Table]:
@@ -66,6 +67,28 @@ def _groups_table(numbers: dict) -> list[Table]:
     for name, shares in groups.items():
         states = ", ".join(f"{on_a_line(state)} {share:.1f}" for state, share in shares.items())
         table.add_row(escape(on_a_line(name)), escape(states))
+    return [table]
+
+
+def _spaces_table(numbers: dict) -> list[Table]:
+    """Table of the spaces, those with least daylight first, and of the building by area.
+
+    There is none where the case tells no spaces apart.
+    """
+    spaces = numbers.get("spaces", [])
+    if len(spaces) < 2:
+        return []
+    told = ["name", *(key for key in ("use", "storey") if any(space[key] for space in spaces))]
+    table = Table("space", *told[1:])
+    for column in ("m²", "points", "sDA % (95 %)", "ASE % (95 %)"):
+        table.add_column(column, justify="right")
+    worst = sorted(spaces, key=lambda space: space["sDA"]["value"])
+    for space in [*worst[:MOST_ROWS], {"name": "building, by area", **numbers["building"]}]:
+        words = (escape(on_a_line(space.get(key, ""))) for key in told)
+        shares = (percent(space[metric]) for metric in ("sDA", "ASE"))
+        table.add_row(*words, f"{space['floor_area']:.1f}", str(space["sensors"]), *shares)
+    if len(spaces) > MOST_ROWS:
+        table.caption = f"{len(spaces) - MOST_ROWS} more spaces: metrics.json, spaces"
     return [table]
 
 

@@ -24,6 +24,7 @@ from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.metrics.illuminance import illuminance
 from drcmitsuba.metrics.intervals import Bounds, DrawnShares, Draws, Rules, ShadeDraws, values
 from drcmitsuba.metrics.sensor_counts import undecided
+from drcmitsuba.metrics.spaces import by_space
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import checked
 from drcmitsuba.schema import by_luminance
@@ -189,7 +190,8 @@ def summarise(illuminance: xr.Dataset, rules: Rules, draws: Draws | None = None)
         `sDA`, `ASE`, `shade_closed`: {"value", "low", "high"} [%]; `msDA`, `MSE`,
         `shade_closed_monthly`: 12 of these or None; with draws `undecided`: the sensors that pass
         in more than 2.5 and less than 97.5 % of them; `grids`, where E has a coordinate `grid`:
-        `sDA`, `ASE`, `msDA`, `MSE` and the number of `sensors` of each grid, by its name. The shade
+        `sDA`, `ASE`, `msDA`, `MSE` and the number of `sensors` of each grid, by its name; `spaces`,
+        `storeys` and `building` from `spaces.by_space`, where E tells spaces. The shade
         closes where the sun on any grid asks for it. `groups`, where panes close one by one: the
         share of the time stamps in each state [%], by group and state; `shade_closed` is the mean
         of the groups.
@@ -204,16 +206,16 @@ def summarise(illuminance: xr.Dataset, rules: Rules, draws: Draws | None = None)
         numbers["undecided"] = undecided(illuminance, draws)
     if "facade_state" in illuminance.coords:
         numbers["groups"] = _shares_of_states(illuminance, rules)
+
+    def of(sensors: np.ndarray, drawn: DrawnShares | None) -> dict[str, Any]:
+        return _of_sensors(illuminance.isel(sensor=sensors), rules, drawn)
+
     if grids := sensors_by_grid(illuminance):
         numbers["grids"] = {
-            name: _of_grid(
-                illuminance.isel(sensor=sensors),
-                rules,
-                None if draws is None else draws.grids[name],
-            )
+            name: of(sensors, None if draws is None else draws.grids[name])
             for name, sensors in grids.items()
         }
-    return numbers
+    return numbers | by_space(illuminance, draws, of)
 
 
 def _shares_of_states(illuminance: xr.Dataset, rules: Rules) -> dict[str, dict[str, float]]:
@@ -225,8 +227,8 @@ def _shares_of_states(illuminance: xr.Dataset, rules: Rules) -> dict[str, dict[s
     return shares_of_states(taken, groups)
 
 
-def _of_grid(illuminance: xr.Dataset, rules: Rules, drawn: DrawnShares | None) -> dict[str, Any]:
-    """Metrics of the sensors of one grid, whose E has the shade applied, with their intervals."""
+def _of_sensors(illuminance: xr.Dataset, rules: Rules, drawn: DrawnShares | None) -> dict[str, Any]:
+    """Metrics of some sensors, whose E has the shade applied, with their intervals."""
     spread = Bounds.of(illuminance, rules) if drawn is None else drawn
     annual, monthly = values(illuminance, rules)
     return {

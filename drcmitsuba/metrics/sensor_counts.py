@@ -19,6 +19,7 @@ from drcmitsuba.metrics.facade_states import shares_of_states
 from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.metrics.intervals import DrawnShares, Draws, Rules
 from drcmitsuba.metrics.intervals.facade_draws import Closures
+from drcmitsuba.metrics.spaces import by_space
 from drcmitsuba.schema import luminance
 
 
@@ -83,12 +84,13 @@ class CountedYear:
         groups = self.rules.groups
         if self.of_group.shape[1] and groups != GroupStates.of_shade():
             numbers["groups"] = shares_of_states(self.of_group, groups)
+
+        def of(here: np.ndarray, drawn: DrawnShares | None) -> dict[str, Any]:
+            return {"sensors": len(here), **self._shares(here, drawn or self.draws)}
+
         if grids := sensors_by_grid(self.counts):
-            numbers["grids"] = {
-                name: {"sensors": len(here), **self._shares(here, self.draws.grids[name])}
-                for name, here in grids.items()
-            }
-        return numbers
+            numbers["grids"] = {name: of(s, self.draws.grids[name]) for name, s in grids.items()}
+        return numbers | by_space(self.counts, self.draws, of)
 
     @property
     def _stamps(self) -> np.ndarray:

@@ -19,6 +19,7 @@ from drcmitsuba.model.materials import (
     PorousMaterial,
     SurfaceMaterial,
 )
+from drcmitsuba.model.space import Space, numbered
 from drcmitsuba.runtime.errors import printable
 
 MOST_OF_BODY = 6
@@ -216,6 +217,8 @@ class Model:
     """Direction of true north in the model, clockwise from its y axis [deg]."""
     notes: tuple[str, ...] = ()
     """One sentence for everything in the source that was simplified or left out."""
+    spaces: tuple[Space, ...] = ()
+    """Rooms that the source names; their names differ."""
 
     @cached_property
     def polished(self) -> tuple[str, ...]:
@@ -245,7 +248,8 @@ class Model:
         layers = (replace(layer, quads=layer.quads * factor) for layer in self.layers)
         grids = (replace(grid, points=grid.points * factor) for grid in self.grids)
         views = tuple(view.scaled(factor) for view in self.views)
-        return replace(self, layers=tuple(layers), grids=tuple(grids), views=views)
+        spaces = tuple(space.scaled(factor) for space in self.spaces)
+        return replace(self, layers=tuple(layers), grids=tuple(grids), views=views, spaces=spaces)
 
 
 EMPTY = Model()
@@ -262,6 +266,7 @@ def joined(models: Sequence[Model]) -> Model:
         stated[0].location if stated else None,
         next((m.north for m in models if m.north), 0.0),
         tuple(note for m in models for note in m.notes),
+        numbered([space for m in models for space in m.spaces]),
     )
 
 
@@ -284,6 +289,10 @@ def with_printable_names(model: Model) -> Model:
         layers=tuple(map(named, model.layers)), notes=tuple(map(printable, model.notes)),
         grids=tuple(replace(grid, name=printable(grid.name)) for grid in model.grids),
         views=tuple(replace(view, name=printable(view.name)) for view in model.views),
+        spaces=tuple(
+            replace(s, name=printable(s.name), use=printable(s.use), storey=printable(s.storey))
+            for s in model.spaces
+        ),
     )  # fmt: skip
 
 

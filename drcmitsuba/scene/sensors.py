@@ -18,19 +18,23 @@ from drcmitsuba.case.sensors import (
     FloorSensors,
     PointSensors,
     Sensors,
+    SpaceSensors,
 )
 from drcmitsuba.model.model import Model, SensorGrid
-from drcmitsuba.model.notes import MOST_NAMES
+from drcmitsuba.model.notes import MOST_NAMES, Notes
+from drcmitsuba.model.space import Space, space_at
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.components import inside
 from drcmitsuba.scene.geometry import boxes, origin, recentred, rotation
 from drcmitsuba.scene.sensors_of_model import (
     NEAR,
     above_floors,
+    in_spaces,
     listed,
     on_a_surface,
     outside_rooms,
 )
+from drcmitsuba.scene.spaces import names_by_space, spaces_of
 
 FACES_UP = 1 - 1e-6
 """Least vertical part of the normal of a sensor that faces up [–]."""
@@ -108,7 +112,7 @@ def sensor_coordinates(case: Case) -> xr.Dataset:
     -------
     xr.Dataset
         `x`, `y`, `z` in the world frame [m]; the normals `nx`, `ny`, `nz` where one does not face
-        up; `grid`, the name of each sensor's grid, where there are several.
+        up; `space` and `grid`, the names of each sensor's space and grid, where there are several.
 
     Raises
     ------
@@ -117,12 +121,17 @@ def sensor_coordinates(case: Case) -> xr.Dataset:
     """
     points, normals = sensor_points(case)
     grids = placed_sensors(case).grids
+    spaces = spaces_of(case)
     at = dict(zip("xyz", (points + origin(case)).T, strict=True))
     if (normals[:, 2] < FACES_UP).any():
         at |= dict(zip(("nx", "ny", "nz"), normals.T, strict=True))
-    names = [grid.name for grid in grids]
+    names = np.repeat(np.array([g.name for g in grids], object), [len(g.points) for g in grids])
+    if len(spaces) > 1:
+        index = space_at(spaces, np.concatenate([grid.points for grid in grids]))
+        at["space"] = np.array([*(space.name for space in spaces), ""], object)[index]
+        names = names_by_space(names, at["space"])
     if len(set(names)) > 1:
-        at["grid"] = np.repeat(np.array(names, dtype=object), [len(g.points) for g in grids])
+        at["grid"] = names
     return xr.Dataset(coords={name: ("sensor", values) for name, values in at.items()})
 
 
@@ -132,13 +141,15 @@ def placed_sensors(case: Case) -> PlacedSensors:
     Points of a grid by rule in or on a solid are left out with a note; points that the user
     listed are refused there. Errors are those of `sensor_points`.
     """
+    is_open = case.model is not None and case.model.leaks == "allow"
     if case.building.layers:
-        is_open = case.model is not None and case.model.leaks == "allow"
         made = sensors_of_model(
             case.building, case.sensors, case.source, mi.variant(), outside=is_open
         )
     else:
         made = PlacedSensors(_placed(case.building, case.sensors, case.source))
+    if not (made.outside or is_open):
+        made = _in_spaces(made, case.building.spaces)
     if isinstance(case.sensors, PointSensors):
         refuse_in_solids(case, made.points - origin(case), origin(case))
         return made
@@ -198,12 +209,34 @@ def sensors_of_model(
     return made.without(out, "outside of the rooms") if out.any() else made
 
 
+def _in_spaces(made: PlacedSensors, spaces: tuple[Space, ...]) -> PlacedSensors:
+    """Leave out sensors that lie in no space, where a model has spaces and any sensor lies in one.
+
+    A space of the model without a sensor gets a note.
+    """
+    if not spaces:
+        return made
+    at = space_at(spaces, made.points)
+    if (at < 0).all():
+        return made
+    made = made.without(at < 0, "in no space") if (at < 0).any() else made
+    without = [space.name for k, space in enumerate(spaces) if k not in set(at.tolist())]
+    if not without:
+        return made
+    names = Notes()
+    for name in without:
+        names.add("sensors: there are none in the spaces", name)
+    return replace(made, notes=(*made.notes, *names.sentences()))
+
+
 def _placed(model: Model, sensors: AnySensors, source: str) -> tuple[SensorGrid, ...]:
     """Grids of the sensors, at most `MOST_GRIDS` with `MOST_SENSORS` points."""
     if isinstance(sensors, Sensors):
         return (_box_grid(sensors),)
     if isinstance(sensors, FloorSensors):
         grids = above_floors(model, sensors, source)
+    elif isinstance(sensors, SpaceSensors):
+        grids = in_spaces(model, sensors, source)
     else:
         grids = listed(model, sensors, source)
     count = sum(len(grid.points) for grid in grids)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from fnmatch import fnmatchcase
 
 import drjit as dr
@@ -10,12 +11,18 @@ import mitsuba as mi
 import numpy as np
 import shapely
 
-from drcmitsuba.case.sensors import MOST_SENSORS, FloorSensors, PointSensors
+from drcmitsuba.case.sensors import (
+    MOST_SENSORS,
+    FloorSensors,
+    GridsByRule,
+    PointSensors,
+    SpaceSensors,
+)
 from drcmitsuba.model.model import Layer, Model, SensorGrid
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.toml import choose, shortened
-from drcmitsuba.scene.floors_of_model import rooms_of
+from drcmitsuba.scene.floors_of_model import FloorPart, rooms_of
 from drcmitsuba.scene.panes_of_model import all_surfaces
 
 NEAR = 1e-3
@@ -30,18 +37,48 @@ _AROUND = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES), np.zeros(16)])
 def above_floors(model: Model, sensors: FloorSensors, source: str) -> tuple[SensorGrid, ...]:
     """Grids of points that face up, one above each room's floor, in the model's frame [m].
 
-    The points of a room stand in the middles of equal squares, of `spacing` at most, that cover
-    the extent of its floor without the margin. Points nearer than the margin to a partition, a
-    column or another surface at their height are left out.
+    Raises
+    ------
+    InputError
+        As `rooms_of`; no point is left, or there are too many. The error names the case's `source`.
+    """
+    rooms = rooms_of(model, sensors.floors, sensors.height, source)
+    return _by_rule(model, rooms, sensors, source)
+
+
+def in_spaces(model: Model, sensors: SpaceSensors, source: str) -> tuple[SensorGrid, ...]:
+    """Grids of points that face up, one in each space, by its name, in the model's frame [m].
 
     Raises
     ------
     InputError
-        No point is left, there are too many, or no floor is of a named material; the error names
-        the case's `source`.
+        No space has a given name, no point is left, or there are too many.
+    """
+    names = [space.name for space in model.spaces]
+    for pattern in sensors.spaces:
+        if not any(fnmatchcase(name, pattern) for name in names):
+            got = f"there is no space {shortened(pattern)}"
+            raise InputError(source, "sensors.spaces", got, choose(pattern, names))
+    parts = (
+        FloorPart(f"{space.name} {k}" if len(space.floors) > 1 else space.name, z, outline)
+        for space in model.spaces
+        if any(fnmatchcase(space.name, pattern) for pattern in sensors.spaces)
+        for k, (z, outline) in enumerate(space.floors, start=1)
+    )
+    return _by_rule(model, parts, sensors, source)
+
+
+def _by_rule(
+    model: Model, rooms: Iterable[FloorPart], sensors: GridsByRule, source: str
+) -> tuple[SensorGrid, ...]:
+    """Grids of rooms.
+
+    The points of a room stand in the middles of equal squares, of `spacing` at most, that cover
+    the extent of its floor without the margin. Points nearer than the margin to a partition, a
+    column or another surface at their height are left out.
     """
     margin, grids, count = sensors.edge, list[tuple[str, np.ndarray]](), 0
-    for room in rooms_of(model, sensors.floors, sensors.height, source):
+    for room in rooms:
         within = room.outline.buffer(-margin, join_style="mitre")
         if within.is_empty:
             continue

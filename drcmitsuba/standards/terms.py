@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.sensors import FloorSensors, Sensors
+from drcmitsuba.case.sensors import GridsByRule, Sensors, SpaceSensors
 from drcmitsuba.case.weather import PeriodTable
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.prepared_case import prepared
@@ -133,12 +133,14 @@ def _unfit(case: Case, standard: Standard) -> InputError | None:
     return None
 
 
-def _laid(case: Case, got: str) -> tuple[Sensors | FloorSensors, str]:
+def _laid(case: Case, got: str) -> tuple[Sensors | GridsByRule, str]:
     """Level grid in place of a case's points, which are as `got` says, and a line on it."""
     own = case.sensors
-    if isinstance(own, FloorSensors):
-        words = f"points lie at most {LAID:g} m apart, in place of the case's: {got}"
+    words = f"points lie at most {LAID:g} m apart, in place of the case's: {got}"
+    if isinstance(own, GridsByRule):
         return own.model_copy(update={"spacing": LAID}), words
+    if case.building.spaces and not isinstance(own, Sensors):
+        return SpaceSensors(spaces=("*",), spacing=LAID), words
     if isinstance(own, Sensors) and min(own.count) > 1 and min(own.count) * own.spacing >= 2 * LAID:
         extent = np.array(own.count) * own.spacing
         corner, z = np.array(own.corner[:2]), own.corner[2]

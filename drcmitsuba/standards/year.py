@@ -16,6 +16,7 @@ from drcmitsuba.metrics.intervals.autonomy import State, draw_autonomy, multipli
 from drcmitsuba.metrics.intervals.bootstrap_counts import BootstrapCounts, Needed
 from drcmitsuba.metrics.intervals.facade_draws import Closures
 from drcmitsuba.metrics.intervals.year_draws import YearDraws, open_state
+from drcmitsuba.metrics.spaces import sensors_by_space
 from drcmitsuba.schema import luminance
 from drcmitsuba.standards.evidence import Evidence
 
@@ -49,8 +50,11 @@ class StandardYear:
 
     @cached_property
     def spaces(self) -> dict[str, np.ndarray]:
-        """Sensors of every space, by the name of its grid; "" without grids."""
+        """Sensors of every space, or of every grid where no spaces are told; "" without both."""
         every = np.arange(self.illuminance.sizes["sensor"])
+        told = sensors_by_space(self.illuminance)
+        if len(told) > 1:
+            return {space.name: space.sensors for space in told}
         return sensors_by_grid(self.illuminance) or {"": every}
 
     @cached_property

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -27,6 +27,19 @@ class DrawnShares:
     monthly: dict[str, np.ndarray]
     """`msDA`, `MSE`, and of all sensors `shade_closed_monthly`, January first, shape (month, draw);
     NaN for a month without hours."""
+
+    @classmethod
+    def mean(cls, parts: Sequence[DrawnShares], weights: Sequence[float]) -> DrawnShares:
+        """Mean of the same draws for several sets of sensors, by weights of any sum."""
+
+        def mean(values: Sequence[np.ndarray]) -> np.ndarray:
+            return np.asarray(np.average(values, axis=0, weights=weights))
+
+        first = parts[0]
+        return cls(
+            {n: mean([p.annual[n] for p in parts]) for n in ("sDA", "ASE") if n in first.annual},
+            {n: mean([p.monthly[n] for p in parts]) for n in ("msDA", "MSE") if n in first.monthly},
+        )
 
     def interval(self, name: str, value: float, month: int | None = None) -> Interval:
         """95 % interval of a metric, which always holds its value.

@@ -12,6 +12,7 @@ from drcmitsuba.model.honeybee.layers import Scale, check_groups, layers_of, mer
 from drcmitsuba.model.honeybee.modifiers import modifiers_of
 from drcmitsuba.model.honeybee.pieces import rings_of, walk_of
 from drcmitsuba.model.honeybee.points_and_views import grids_of, views_of
+from drcmitsuba.model.honeybee.spaces import spaces_of
 from drcmitsuba.model.model import Model
 
 MAJOR = 1
@@ -77,6 +78,7 @@ def read(file: Path, *, bsdf: Mapping[str, Path] | None = None) -> Model:
         grids=grids_of(radiance.entries("sensor_grids"), scale.metres),
         views=views_of(radiance.entries("views"), scale.metres, modifiers.notes),
         north=model.number("north_angle", 0.0),
+        spaces=spaces_of(model.entries("rooms"), scale.metres, modifiers.notes),
         notes=modifiers.notes.sentences(),
     )
 

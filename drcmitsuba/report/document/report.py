@@ -223,9 +223,11 @@ def _numbers(facade: EvaluatedFacade) -> Iterator[list[Any]]:
         for month, number in enumerate(facade.numbers[metric], start=1):
             if number is not None:
                 yield ["", month, metric, *(number[key] for key in keys), "%"]
-    for grid, numbers in facade.numbers.get("grids", {}).items():
+    told = facade.numbers.get("spaces", [])
+    parts = {space["name"]: space for space in told} if len(told) > 1 else {}
+    for name, numbers in (parts or facade.numbers.get("grids", {})).items():
         for metric in ("sDA", "ASE"):
-            yield [_inert(text(grid)), "", metric, *(numbers[metric][key] for key in keys), "%"]
+            yield [_inert(text(name)), "", metric, *(numbers[metric][key] for key in keys), "%"]
 
 
 def _lights(facade: EvaluatedFacade) -> Iterator[list[Any]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.report.captions import month_names, period_text
@@ -140,8 +141,19 @@ def months(facade: EvaluatedFacade, name: str) -> PageTable:
 
 
 def spaces(facade: EvaluatedFacade, name: str) -> PageTable | None:
-    """Table of the grids of one façade; None where there are no grids."""
+    """Table of the spaces of one façade, those with least daylight first, of its storeys, and of
+    the building by area; of its grids where it tells no spaces apart, and None without grids.
+    """
     t, grids = labels(), facade.numbers.get("grids", {})
+    told = facade.numbers.get("spaces", [])
+    if len(told) > 1:
+        building = {"name": t["by_area"], **facade.numbers["building"]}
+        worst = sorted(told, key=lambda space: space["sDA"]["value"])
+        rooms = worst[:MOST_GRIDS] + [*facade.numbers.get("storeys", []), building]
+        columns = ("space", "use", "storey", "floor_area", "point_count", "sDA", "ASE")
+        left = len(told) - MOST_GRIDS
+        note = t["more_spaces"].format(count=left) if left > 0 else ""
+        return PageTable(name, tuple(t[n] for n in columns), tuple(map(_space, rooms)), note)
     if not grids:
         return None
     rows: list[tuple[Cell, ...]] = []
@@ -152,6 +164,14 @@ def spaces(facade: EvaluatedFacade, name: str) -> PageTable | None:
     left = len(grids) - MOST_GRIDS
     note = t["more_spaces"].format(count=left) if left > 0 else ""
     return PageTable(name, (t["space"], t["point_count"], t["sDA"], t["ASE"]), tuple(rows), note)
+
+
+def _space(space: Mapping[str, Any]) -> tuple[Cell, ...]:
+    """Row of a space, a storey, or the building."""
+    words = (plain(space.get(key) or NONE) for key in ("name", "use", "storey"))
+    shares = (interval(space[metric]) for metric in ("sDA", "ASE"))
+    area = (Number(float(space["floor_area"]), 1), " m²")
+    return (*words, area, plain(space["sensors"]), *shares)
 
 
 def groups(facade: EvaluatedFacade, name: str) -> PageTable | None:

@@ -1,0 +1,101 @@
+"""The tables `[spaces.NAME]` of a case: rooms of a building, where its model does not tell them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Annotated
+
+import shapely
+from pydantic import Field
+
+from drcmitsuba.model.space import Space, SpaceFloor
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import Length, Name, OnMap, Table, shortened
+
+SAME_LEVEL = 0.5
+"""Difference in height below which floors lie in one storey [m]."""
+OVERLAP = 0.01
+"""Largest share of the smaller one of two spaces that both may cover [–]."""
+
+Corner = tuple[OnMap, OnMap]
+
+
+class SpaceTable(Table):
+    """Room of a building; what a space of the model has already may be left out."""
+
+    outline: Annotated[tuple[Corner, ...], Field(min_length=3, max_length=10_000)] | None = None
+    """Corners x, y of its floor in plan, in turn [m]; by default those of the model's space."""
+    floor: OnMap = 0.0
+    """Height of the floor of an `outline` [m]."""
+    height: Length | None = None
+    """Height of the room of an `outline` [m]; by default up to the next floor of another space."""
+    use: Name | None = None
+    """Use of the room, such as "office"."""
+    storey: Name | None = None
+    """Name of its storey."""
+
+    def space(self, name: str, known: Space | None, source: str) -> Space:
+        """Space of this table.
+
+        Raises
+        ------
+        InputError
+            The outline crosses itself or has no area, or there is none and the model has no space
+            of this name.
+        """
+        words = {n: value for n in ("use", "storey") if (value := getattr(self, n)) is not None}
+        if self.outline is None:
+            if known is None:
+                got = "no outline, and the model has no space of this name"
+                remedy = "give the corners of its floor: outline = [[0, 0], [5, 0], [5, 4]]"
+                raise InputError(source, f"spaces.{name}.outline", got, remedy)
+            return replace(known, **words)
+        shape = shapely.Polygon(self.outline)
+        if not shape.is_valid or not shape.area > 0:
+            got = shapely.is_valid_reason(shape) if shape.area > 0 else "no area"
+            remedy = "give its corners in turn"
+            raise InputError(source, f"spaces.{name}.outline", got, remedy)
+        ceiling = float("inf") if self.height is None else self.floor + self.height
+        volume = None if self.height is None else float(shape.area) * self.height
+        floor = SpaceFloor(self.floor, shape)
+        return replace(Space(name, (floor,), ceiling, volume=volume), **words)
+
+
+def with_tables(
+    known: tuple[Space, ...], tables: Mapping[str, SpaceTable], source: str
+) -> tuple[Space, ...]:
+    """Spaces of a model with those of a case in place of the ones of their names, others behind.
+
+    Raises
+    ------
+    InputError
+        As `SpaceTable.space`; or two spaces overlap of which a table states one.
+    """
+    by_name = {space.name: space for space in known}
+    for name, table in tables.items():
+        by_name[name] = table.space(name, by_name.get(name), source)
+    every = tuple(by_name.values())
+    if any(table.outline is not None for table in tables.values()):
+        _refuse_overlap(every, tables, source)
+    return every
+
+
+def _refuse_overlap(
+    spaces: tuple[Space, ...], tables: Mapping[str, SpaceTable], source: str
+) -> None:
+    floors = [(space, floor) for space in spaces for floor in space.floors]
+    tree = shapely.STRtree([floor.outline for _, floor in floors])
+    for first, lower in floors:
+        if first.name not in tables:
+            continue
+        for second, floor in (floors[j] for j in tree.query(lower.outline, "intersects").tolist()):
+            shared = lower.outline.intersection(floor.outline)
+            smaller = min(lower.outline.area, floor.outline.area)
+            level = abs(lower.height - floor.height) < SAME_LEVEL
+            if second is first or not level or shared.area <= OVERLAP * smaller:
+                continue
+            at = shared.representative_point()
+            got = f"it overlaps {shortened(second.name)} at ({at.x:.2f}, {at.y:.2f})"
+            field = f"spaces.{first.name}.outline"
+            raise InputError(source, field, got, "give every space its own floor")
