@@ -31,8 +31,8 @@ METRES = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "in": 0.02
 """Metres per unit."""
 RADIANCE, HONEYBEE = (".rad", ".mat"), (".hbjson", ".json")
 MESHES = (".obj", ".ply", ".stl", ".gltf", ".glb")
-MITSUBA, VIEWS = (".xml",), (".vf",)
-ENDINGS = (*RADIANCE, *HONEYBEE, *MESHES, *MITSUBA, *VIEWS)
+XML, GBXML, VIEWS = (".xml",), (".gbxml",), (".vf",)
+ENDINGS = (*RADIANCE, *HONEYBEE, *MESHES, *XML, *GBXML, *VIEWS)
 """Endings of the files that a model may consist of."""
 
 Patterns = Annotated[tuple[Name, ...], Field(max_length=1000)]
@@ -42,8 +42,8 @@ class ModelTable(Table):
     """Files of a model. A material of `[materials]` replaces that of the same name in the files."""
 
     files: Annotated[tuple[Path, ...], Field(min_length=1, max_length=1000)]
-    """Radiance scenes in the order of `oconv`, Honeybee models, Mitsuba scenes, meshes, and views
-    of Radiance (`.vf`)."""
+    """Radiance scenes in the order of `oconv`, Honeybee models, buildings in gbXML (`.xml` or
+    `.gbxml`), Mitsuba scenes, meshes, and views of Radiance (`.vf`)."""
     unit: Literal["m", "dm", "cm", "mm", "ft", "in"] | None = None
     """Unit of meshes and Mitsuba scenes without one; Radiance scenes are in metres by default."""
     up: Literal["z", "y"] = "z"
@@ -71,7 +71,9 @@ class ModelTable(Table):
         InputError
             A file is missing or unfit, of an unknown kind, or holds nothing of a given name.
         """
-        from drcmitsuba.model.honeybee import read as read_honeybee  # when they are needed only
+        from drcmitsuba.model.gbxml import is_gbxml  # when they are needed only
+        from drcmitsuba.model.gbxml import read as read_gbxml
+        from drcmitsuba.model.honeybee import read as read_honeybee
         from drcmitsuba.model.mesh import read as read_mesh
         from drcmitsuba.model.mitsuba import read as read_mitsuba
         from drcmitsuba.model.radiance import read as read_radiance
@@ -90,7 +92,9 @@ class ModelTable(Table):
                 parts.append(read_mesh(file, unit=scale, up=self.up, materials=own))
             elif ending in VIEWS:
                 parts.append(Model(views=read_views(file)).scaled(scale or 1.0))
-            elif ending in MITSUBA:
+            elif ending in GBXML or (ending in XML and is_gbxml(file)):
+                parts.append(read_gbxml(file))
+            elif ending in XML:
                 parts.append(read_mitsuba(file, unit=scale, materials=own))
             elif ending not in RADIANCE:
                 remedy = f"give one of {', '.join(ENDINGS)}"

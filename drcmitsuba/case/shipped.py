@@ -39,6 +39,13 @@ def shipped_recipes() -> list[str]:
     return sorted(n for n in _shipped() if n.startswith("films/") or n.endswith("/recipe"))
 
 
+def _is_building(file: Path) -> bool:
+    """Whether a file in XML is a building, which is a case by itself."""
+    from drcmitsuba.model.gbxml import is_gbxml  # imports parsers that most cases do without
+
+    return file.suffix.lower() == ".xml" and is_gbxml(file)
+
+
 def locate_case(path: str | Path) -> Path:
     """Path of a case file, or of a shipped case by its name.
 
@@ -49,7 +56,7 @@ def locate_case(path: str | Path) -> Path:
     """
     if is_file(Path(path), path, "case file"):
         other = OTHER_FILES.get(Path(path).suffix.lower())
-        if other is not None:
+        if other is not None and not _is_building(Path(path)):
             remedy = "give a case (TOML), which `drcmitsuba new` writes, or a shipped one by name"
             raise InputError(path, "case file", other, remedy)
         return Path(path)

@@ -4,6 +4,8 @@ materials
     Panes, mirrors, solids, diffuse surfaces.
 model
     What every reader gives.
+space
+    Rooms by name, with their floors.
 polygon
     Polygons of any shape, with holes, as triangles and parallelograms.
 plane
@@ -18,6 +20,8 @@ radiance_materials
     Materials of Radiance as those of the engine.
 honeybee
     `read`: HBJSON models of Honeybee.
+gbxml
+    `read`: buildings in gbXML.
 mesh
     `read`: OBJ, PLY, STL, glTF and GLB files.
 mitsuba

@@ -1,0 +1,187 @@
+"""Surfaces of a gbXML building, with their openings cut out, as layers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import shapely
+
+from drcmitsuba.model.gbxml.entries import GbxmlEntry
+from drcmitsuba.model.gbxml.gaps import NEAR, Polygon, gaps_of
+from drcmitsuba.model.gbxml.materials import GLASS, glass, surface_material
+from drcmitsuba.model.gbxml.spaces import is_ceiling, is_floor
+from drcmitsuba.model.materials import GlazingMaterial, two_sided
+from drcmitsuba.model.model import Layer, Role
+from drcmitsuba.model.notes import Notes
+from drcmitsuba.model.plane import Plane
+from drcmitsuba.model.polygon import NoAreaError, area_vector, quads_of
+
+OPEN = "Air"
+"""Kind of a surface or an opening that is no surface."""
+CONTEXT = ("Shade",)
+DOORS = ("NonSlidingDoor", "SlidingDoor")
+OFF_PLANE = 0.05
+"""Largest distance of an opening from the plane of its surface [m]."""
+BEYOND = "Openings are cut at the edge of their surface beyond which they reach"
+CLOSED = "Gaps between the surfaces of spaces are closed by opaque ones"
+LEAST = 1e-6
+"""Area below which a polygon is left out [m²]."""
+
+
+@dataclass
+class GbxmlSurfaces:
+    """Polygons of a file by their materials, and around each space."""
+
+    windows: Mapping[str, tuple[str, float | None]]
+    """Name and visible transmittance of every window type by its identifier."""
+    spaces: frozenset[str]
+    """Identifiers of the spaces."""
+    metres: float
+    notes: Notes
+    faces: dict[str, list[np.ndarray]] = field(default_factory=dict)
+    """Polygons around each space by its identifier, counter-clockwise from its outside [m]."""
+    sorts: dict[tuple[str, str], list[tuple[str, Polygon]]] = field(default_factory=dict)
+    """Places and polygons by the names of their front and back."""
+    panes: dict[str, list[tuple[str, Polygon]]] = field(default_factory=dict)
+    """Places and polygons of windows by the names of their glass."""
+    glass: dict[str, GlazingMaterial] = field(default_factory=dict)
+
+    def add(self, surface: GbxmlEntry) -> None:
+        """Add a surface, whose polygon faces out of its first space.
+
+        Raises
+        ------
+        InputError
+            It names a space that is not there, its polygon is unfit, or an opening lies off it.
+        """
+        kind = surface.attribute("surfaceType")
+        ring = surface.ring() * self.metres
+        named = [each.attribute("spaceIdRef") for each in surface.children("AdjacentSpaceId")]
+        for name in named:
+            if name not in self.spaces:
+                got = f"the space {name!r}, which the file lacks"
+                raise surface.refuse("AdjacentSpaceId", got, "name a Space of the file")
+        for name, own in zip(named[:2], (ring, ring[::-1]), strict=False):
+            self.faces.setdefault(name, []).append(own)
+        if float(np.linalg.norm(area_vector(ring))) < LEAST:
+            self.notes.add("Surfaces without area are left out", surface.place)
+            return
+        parts = self._opened(surface, ring)
+        if kind == OPEN:
+            return
+        names = ("shade", "shade") if not named or kind in CONTEXT else _sides(ring, len(named))
+        self.sorts.setdefault(names, []).extend((surface.place, rings) for rings in parts)
+
+    def _opened(self, surface: GbxmlEntry, ring: np.ndarray) -> list[Polygon]:
+        """Polygons that the openings of a surface leave of it; adds these."""
+        plane = Plane.of(ring)
+        whole = shapely.make_valid(plane.polygon([ring]))
+        rest = whole
+        for opening in surface.children("Opening"):
+            corners = opening.ring() * self.metres
+            off = plane.distance(corners)
+            if off > OFF_PLANE:
+                got = f"a corner {off:.2f} m off the plane of {surface.place}"
+                raise opening.refuse("PlanarGeometry", got, "put it into its surface")
+            shape = shapely.make_valid(plane.polygon([corners]))
+            inside = whole.intersection(shape)
+            if inside.area < LEAST:
+                got = f"it lies beside {surface.place}"
+                raise opening.refuse("PlanarGeometry", got, "put it into its surface")
+            if inside.area < (1 - 1e-3) * shape.area:
+                self.notes.add(BEYOND, opening.place)
+            if self._is_wall(opening):
+                continue
+            rest = rest.difference(inside)
+            if opening.attribute("openingType") != OPEN:
+                name = self._glass(opening)
+                mine = [(opening.place, own) for own in plane.rings(inside, LEAST)]
+                self.panes.setdefault(name, []).extend(mine)
+        return plane.rings(rest, LEAST)
+
+    def _is_wall(self, opening: GbxmlEntry) -> bool:
+        """Whether an opening is a door without glass, which the wall stands for."""
+        is_door = opening.attribute("openingType") in DOORS
+        return is_door and not opening.attribute("windowTypeIdRef")
+
+    def _glass(self, opening: GbxmlEntry) -> str:
+        """Name of the glass of an opening."""
+        kind = opening.attribute("windowTypeIdRef")
+        if kind and kind not in self.windows:
+            got = f"{kind!r}, which the file lacks"
+            raise opening.refuse("windowTypeIdRef", got, "name a WindowType of the file")
+        name, transmittance = self.windows[kind] if kind else (GLASS, None)
+        if name not in self.glass:
+            self.glass[name] = glass(transmittance, name, self.notes)
+        return name
+
+    def close(self, spaces: Sequence[GbxmlEntry]) -> None:
+        """Close the gaps of spaces by surfaces, which have the same on both sides; notes them."""
+        closed = list[np.ndarray]()
+        for space in spaces:
+            rings = self.faces.get(space.attribute("id"), [])
+            gaps = [g for g in gaps_of(rings) if not any(_same(g[0], ring) for ring in closed)]
+            if not gaps:
+                continue
+            closed += [gap[0] for gap in gaps]
+            name = space.text("Name") or space.attribute("id")
+            area = sum(float(Plane.of(gap[0]).polygon(gap).area) for gap in gaps)
+            self.notes.add(CLOSED, f"{name} ({area:.2f} m²)")
+            middle = np.concatenate(rings)[:, 2]
+            for gap in gaps:
+                level = is_floor(gap[0]) or is_ceiling(gap[0])
+                high = gap[0][:, 2].mean() > (middle.min() + middle.max()) / 2
+                side = ("ceiling" if high else "floor") if level else "wall"
+                piece = f"gap of Space {space.attribute('id')}", gap
+                self.sorts.setdefault((side, side), []).append(piece)
+
+    def layers(self) -> Iterator[Layer]:
+        """Layers of the surfaces, then of the windows."""
+        for (front, back), pieces in self.sorts.items():
+            quads, polygon, places = self._quads(pieces)
+            if not len(quads):
+                continue
+            material = surface_material(front)
+            if back != front:
+                material = two_sided(material, surface_material(back))
+            role: Role = "context" if front == back == "shade" else "surface"
+            behind = back if back != front else ""
+            yield Layer(front, material, role, quads, polygon, places, behind=behind)
+        for name, pieces in self.panes.items():
+            quads, polygon, places = self._quads(pieces)
+            if len(quads):
+                yield Layer(name, self.glass[name], "pane", quads, polygon, places)
+
+    def _quads(
+        self, pieces: Sequence[tuple[str, Polygon]]
+    ) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+        """Quads [m], the polygon of each, and the places of the polygons."""
+        parts, polygons = [np.empty((0, 4, 3))], [np.empty(0, int)]
+        for k, (place, (outline, *holes)) in enumerate(pieces):
+            try:
+                quads = quads_of(outline, holes)
+            except NoAreaError:
+                self.notes.add("Surfaces without area are left out", place)
+                continue
+            except ValueError:
+                self.notes.add("Surfaces whose outline crosses itself are left out", place)
+                continue
+            parts.append(quads)
+            polygons.append(np.full(len(quads), k))
+        places = tuple(place for place, _ in pieces)
+        return np.concatenate(parts), np.concatenate(polygons), places
+
+
+def _same(first: np.ndarray, second: np.ndarray) -> bool:
+    """Whether polygons (corner, 3) have the same middle and extent."""
+    one, other = (np.stack([r.min(axis=0), r.max(axis=0)]) for r in (first, second))
+    return bool(np.abs(one - other).max() < NEAR)
+
+
+def _sides(ring: np.ndarray, spaces: int) -> tuple[str, str]:
+    """Names of front and back of a surface that faces out of the first of its spaces."""
+    kind = {(True, False): ("ceiling", "floor"), (False, True): ("floor", "ceiling")}
+    front, back = kind.get((is_floor(ring), is_ceiling(ring)), ("wall", "wall"))
+    return (front, back) if spaces > 1 else ("outside", back)

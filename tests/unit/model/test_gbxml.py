@@ -1,0 +1,189 @@
+"""gbXML buildings: spaces, surfaces with both sides, openings; areas and counts are exact."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from drcmitsuba.model import gbxml
+from drcmitsuba.model.gbxml.entries import read_entry
+from drcmitsuba.model.gbxml.reader import METRES
+from drcmitsuba.model.gbxml.spaces import entries_of
+from drcmitsuba.model.model import areas
+from drcmitsuba.runtime.errors import InputError
+from tests import SHARED, skips
+from tests.unit.model import gbxml_building as house
+
+SAMPLES = SHARED / "data" / "gbxml"
+
+
+def read(folder, parts=None, **fields):
+    parts = house.surfaces().values() if parts is None else parts
+    return gbxml.read(house.written(folder, house.text(parts, **fields)))
+
+
+def areas_of(model):
+    total = Counter()
+    for layer in model.layers:
+        total[layer.names, layer.role] += float(areas(layer.quads).sum())
+    return dict(total)
+
+
+EXPECTED = {
+    (("outside", "floor"), "surface"): 40.0,
+    (("floor", "ceiling"), "surface"): 40.0,
+    (("outside", "ceiling"), "surface"): 40.0,
+    (("outside", "wall"), "surface"): 4 * 12 + 2 * 15 - 2 + 2 * 24 + 2 * 15,
+    (("wall",), "surface"): 15.0,
+    (("shade",), "context"): 25.0,
+    (("Double",), "pane"): 2.0,
+}
+
+
+@pytest.mark.parametrize("unit", ["Meters", "Feet", "Millimeters"])
+def test_a_building_has_its_areas_in_any_unit(tmp_path, unit):
+    scale = 1 / METRES[unit]
+    model = read(tmp_path, house.surfaces(scale).values(), unit=unit)
+    assert areas_of(model) == pytest.approx(EXPECTED)
+    assert [space.floor_area for space in model.spaces] == pytest.approx([20, 20, 40])
+    assert [space.volume for space in model.spaces] == pytest.approx([60, 60, 120])
+    assert [space.height for space in model.spaces] == pytest.approx([3, 3, 3])
+
+
+def test_spaces_have_names_uses_and_storeys(tmp_path):
+    spaces = read(tmp_path).spaces
+    told = [(space.name, space.use, space.storey) for space in spaces]
+    assert told == [
+        ("Office (Level 1, 1)", "OfficeOpenPlan", "Level 1"),
+        ("Office (Level 1, 2)", "OfficeOpenPlan", "Level 1"),
+        ("大厅", "Lobby", "Level 2"),
+    ]
+
+
+def test_sides_lie_as_the_space_sees_them(tmp_path):
+    """The slab is a ceiling below and a floor above, whatever its polygon's turn."""
+    model = read(tmp_path)
+    [slab] = [layer for layer in model.layers if layer.names == ("floor", "ceiling")]
+    up = np.cross(slab.quads[:, 1] - slab.quads[:, 0], slab.quads[:, 3] - slab.quads[:, 0])
+    assert (up[:, 2] > 0).all()
+    assert [side.reflectance for side in slab.sides] == [0.2, 0.7]
+    [wall] = [layer for layer in model.layers if layer.names == ("outside", "wall")]
+    assert [side.reflectance for side in wall.sides] == [0.3, 0.5]
+
+
+def test_glass_has_the_visible_transmittance_of_its_type(tmp_path):
+    [glass] = [layer for layer in read(tmp_path).layers if layer.role == "pane"]
+    assert glass.material.transmittance == 0.7
+    bare = '<WindowType id="g"><Name>Bare</Name></WindowType>'
+    model = read(tmp_path, types=bare)
+    [glass] = [layer for layer in model.layers if layer.role == "pane"]
+    assert glass.material.transmittance == 0.6
+    assert "Windows without a visible transmittance have 0.6: Bare." in model.notes
+    assert "those of LM-83: floor 0.2, wall 0.5, ceiling 0.7, outside 0.3" in " ".join(model.notes)
+
+
+def test_doors_are_wall_and_air_is_open(tmp_path):
+    parts = house.surfaces()
+    corners = house.WINDOW[::-1]
+    ring = house.rect(1, 0, (0, 0), (3, 4))[::-1]
+    for kind, wall, panes in (("NonSlidingDoor", 12, 0), ("Air", 10, 0), ("FixedWindow", 10, 2)):
+        hole = house.opening("o", corners, kind, glass="")
+        parts["south a"] = house.surface("south a", "ExteriorWall", ring, ["a"], hole)
+        found = areas_of(read(tmp_path, parts.values()))
+        assert found[("outside", "wall"), "surface"] == pytest.approx(144 + wall)
+        assert found.get((("glass",), "pane"), 0) == pytest.approx(panes)
+
+
+def test_the_place_and_north_are_read(tmp_path):
+    place = (
+        "<Location><Latitude>57.7</Latitude><Longitude>11.99</Longitude>"
+        "<CADModelAzimuth>30</CADModelAzimuth><Name>Göteborg</Name></Location>"
+    )
+    model = read(tmp_path, place=place)
+    assert model.location is not None
+    assert (model.location.latitude, model.location.name) == (57.7, "Göteborg")
+    assert model.north == 330
+    assert any("CADModelAzimuth: 30" in note for note in model.notes)
+
+
+def test_a_missing_surface_is_closed_and_told(tmp_path):
+    model = read(tmp_path, house.surfaces(without=["north a"]).values())
+    [note] = [note for note in model.notes if note.startswith("Gaps")]
+    assert "Office (12." in note
+    found = areas_of(model)
+    assert found[("wall",), "surface"] == pytest.approx(15 + 12, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("change", "field", "got"),
+    [
+        (lambda t: t.replace('lengthUnit="Meters"', ""), "lengthUnit", "missing"),
+        (lambda t: t.replace('lengthUnit="Meters"', 'lengthUnit="Ells"'), "lengthUnit", "Ells"),
+        (lambda t: t.replace('spaceIdRef="c"', 'spaceIdRef="z"'), "AdjacentSpaceId", "'z'"),
+        (lambda t: t.replace('windowTypeIdRef="g"', 'windowTypeIdRef="k"'), "windowType", "'k'"),
+        (lambda t: t.replace("<Space ", "<Room ").replace("</Space>", "</Room>"), "Space", "none"),
+        (lambda t: t.replace("<Surface ", "<F ").replace("</Surface>", "</F>"), "Surface", "none"),
+        (lambda t: t.replace('<Space id="b"', '<Space id="a"'), "id", "twice"),
+        (lambda t: t.replace("4.000000000", "nan", 1), "Coordinate", "nan"),
+        (lambda t: t.replace("4.000000000", "1e400", 1), "Coordinate", "1e400"),
+        (lambda t: t.replace("0.7<", "1.7<"), "Transmittance", "1.7"),
+        (lambda t: t.replace("gbXML", "gbXNL"), "XML", "gbXNL"),
+        (lambda t: t[: len(t) // 2], "XML", ""),
+    ],
+)  # fmt: skip
+def test_what_is_unfit_is_named(tmp_path, change, field, got):
+    file = house.written(tmp_path, change(house.text(house.surfaces().values())))
+    with pytest.raises(InputError) as error:
+        gbxml.read(file)
+    assert field in error.value.field
+    assert got in error.value.got
+    assert "\n" not in str(error.value)
+
+
+def test_a_window_off_its_wall_is_named(tmp_path):
+    parts = house.surfaces()
+    ring = house.rect(1, 0, (0, 0), (3, 4))[::-1]
+    for shift, got in (([0, 0.4, 0], "0.40 m off"), ([20, 0, 0], "beside Surface south a")):
+        hole = house.opening("w9", house.WINDOW + shift)
+        parts["south a"] = house.surface("south a", "ExteriorWall", ring, ["a"], hole)
+        with pytest.raises(InputError, match=got) as error:
+            read(tmp_path, parts.values())
+        assert error.value.field.startswith("Opening w9")
+
+
+def test_entities_are_refused(tmp_path):
+    bomb = '<!DOCTYPE b [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;">]>'
+    file = house.written(tmp_path, house.text(house.surfaces().values(), head=bomb))
+    with pytest.raises(InputError, match="XML"):
+        gbxml.read(file)
+
+
+def test_kinds_of_xml_are_told_apart(tmp_path):
+    assert gbxml.is_gbxml(house.written(tmp_path, house.text([])))
+    scene = tmp_path / "scene.xml"
+    scene.write_text('<scene version="3.0.0"/>')
+    assert not gbxml.is_gbxml(scene)
+    wide = tmp_path / "wide.xml"
+    wide.write_text(house.text(house.surfaces().values()).replace("UTF-8", "UTF-16"), "utf-16")
+    assert gbxml.is_gbxml(wide)
+    assert len(gbxml.read(wide).spaces) == 3
+
+
+@skips.needs(SAMPLES)
+@pytest.mark.parametrize("file", sorted(SAMPLES.glob("*.xml")), ids=lambda file: file.stem)
+def test_areas_and_numbers_are_those_that_files_state(file):
+    """Areas of all spaces within 0.2 %, where a file has several floors one above another."""
+    model, root = gbxml.read(file), read_entry(file)
+    square = METRES[root.attribute("lengthUnit")] ** 2
+    entries = entries_of(root)
+    stated = [entry.number("Area") * square for entry in entries]
+    assert [space.floor_area for space in model.spaces] == pytest.approx(stated, rel=2e-3)
+    opened = [
+        opening.attribute("id")
+        for campus in root.children("Campus")
+        for surface in campus.children("Surface")
+        for opening in surface.children("Opening")
+        if opening.attribute("windowTypeIdRef")
+    ]
+    panes = {place for layer in model.layers if layer.role == "pane" for place in layer.places}
+    assert panes == {f"Opening {name}" for name in opened}
