@@ -72,6 +72,7 @@ MODULES = {
     "atheris": _module("atheris", "it is the optional extra `fuzz`"),
     "axe_core_python": _module("axe_core_python", "it judges pages in a browser alone"),
     "distributed": _module("distributed", "it is the optional extra `cluster`"),
+    "ifcopenshell": _module("ifcopenshell", "it is the optional extra `ifc`"),
     "pyarrow": _module("pyarrow", "one format of the tables of studies needs it"),
 }
 BROWSER = Lack("no Chromium", "the report is drawn without a browser", lambda: CHROMIUM is None)

@@ -31,8 +31,8 @@ METRES = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "in": 0.02
 """Metres per unit."""
 RADIANCE, HONEYBEE = (".rad", ".mat"), (".hbjson", ".json")
 MESHES = (".obj", ".ply", ".stl", ".gltf", ".glb")
-XML, GBXML, VIEWS = (".xml",), (".gbxml",), (".vf",)
-ENDINGS = (*RADIANCE, *HONEYBEE, *MESHES, *XML, *GBXML, *VIEWS)
+XML, GBXML, IFC, VIEWS = (".xml",), (".gbxml",), (".ifc",), (".vf",)
+ENDINGS = (*RADIANCE, *HONEYBEE, *MESHES, *XML, *GBXML, *IFC, *VIEWS)
 """Endings of the files that a model may consist of."""
 
 Patterns = Annotated[tuple[Name, ...], Field(max_length=1000)]
@@ -43,7 +43,7 @@ class ModelTable(Table):
 
     files: Annotated[tuple[Path, ...], Field(min_length=1, max_length=1000)]
     """Radiance scenes in the order of `oconv`, Honeybee models, buildings in gbXML (`.xml` or
-    `.gbxml`), Mitsuba scenes, meshes, and views of Radiance (`.vf`)."""
+    `.gbxml`) and IFC, Mitsuba scenes, meshes, and views of Radiance (`.vf`)."""
     unit: Literal["m", "dm", "cm", "mm", "ft", "in"] | None = None
     """Unit of meshes and Mitsuba scenes without one; Radiance scenes are in metres by default."""
     up: Literal["z", "y"] = "z"
@@ -74,6 +74,7 @@ class ModelTable(Table):
         from drcmitsuba.model.gbxml import is_gbxml  # when they are needed only
         from drcmitsuba.model.gbxml import read as read_gbxml
         from drcmitsuba.model.honeybee import read as read_honeybee
+        from drcmitsuba.model.ifc import read as read_ifc
         from drcmitsuba.model.mesh import read as read_mesh
         from drcmitsuba.model.mitsuba import read as read_mitsuba
         from drcmitsuba.model.radiance import read as read_radiance
@@ -94,6 +95,8 @@ class ModelTable(Table):
                 parts.append(Model(views=read_views(file)).scaled(scale or 1.0))
             elif ending in GBXML or (ending in XML and is_gbxml(file)):
                 parts.append(read_gbxml(file))
+            elif ending in IFC:
+                parts.append(read_ifc(file))
             elif ending in XML:
                 parts.append(read_mitsuba(file, unit=scale, materials=own))
             elif ending not in RADIANCE:

@@ -20,8 +20,12 @@ radiance_materials
     Materials of Radiance as those of the engine.
 honeybee
     `read`: HBJSON models of Honeybee.
+unstated
+    Materials that building models do not state.
 gbxml
     `read`: buildings in gbXML.
+ifc
+    `read`: buildings in IFC.
 mesh
     `read`: OBJ, PLY, STL, glTF and GLB files.
 mitsuba

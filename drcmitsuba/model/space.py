@@ -16,6 +16,8 @@ Rings = Sequence[np.ndarray]
 """Corners of a polygon's outline, then of its holes, shape (corner, 3) each [m]."""
 LEVEL = 0.05
 """Difference in height below which floors are one [m]."""
+HEADROOM = 1.0
+"""Least height above a floor [m]."""
 SEAM = 0.02
 """Distance within which points count as inside of a room, and seams of its floor are closed [m]."""
 
@@ -64,9 +66,10 @@ class Space:
         return replace(self, floors=floors, ceiling=self.ceiling * factor, volume=volume)
 
 
-def floors_of(faces: Sequence[Rings]) -> tuple[SpaceFloor, ...]:
-    """Floors of polygons, those of one height together, from the lowest; polygons without area are
-    left out.
+def floors_of(faces: Sequence[Rings], ceiling: float = np.inf) -> tuple[SpaceFloor, ...]:
+    """Floors of polygons, those of one height together, from the lowest.
+
+    Polygons without area are left out, and ledges less than `HEADROOM` below the ceiling [m].
     """
     levels: dict[float, list[Rings]] = {}
     for rings in faces:
@@ -74,7 +77,8 @@ def floors_of(faces: Sequence[Rings]) -> tuple[SpaceFloor, ...]:
         near = next((level for level in levels if abs(level - z) < LEVEL), z)
         levels.setdefault(near, []).append(rings)
     floors = (SpaceFloor(z, outline_of(levels[z])) for z in sorted(levels))
-    return tuple(floor for floor in floors if not floor.outline.is_empty)
+    whole = [floor for floor in floors if not floor.outline.is_empty]
+    return tuple(floor for floor in whole if floor.height < ceiling - HEADROOM) or tuple(whole[:1])
 
 
 def outline_of(faces: Sequence[Rings]) -> Any:

@@ -40,6 +40,8 @@ FACES_UP = 1 - 1e-6
 """Least vertical part of the normal of a sensor that faces up [–]."""
 MARGIN = 1e-3 - 1e-9
 """Least distance of points from a solid [m]: 1 mm with the rounding of decimals."""
+MOSTLY = 0.9
+"""Share of a space's sensors outside of rooms from which on the space is outside [–]."""
 LIFT = NEAR + 1e-5
 """Height to which points on a surface are lifted [m]: 1 mm with the rounding of rays."""
 
@@ -201,12 +203,24 @@ def sensors_of_model(
     if outside:
         return made
     out = outside_rooms(model, made.points)
+    if out.any() and model.spaces:
+        out |= _under_sky(out, space_at(model.spaces, made.points))
     if out.all():
         first = _place(made.points[0])
         note = f"sensors: all {len(out)} points, the first at {first}, lie outside of rooms: the "
         note += "light that they get there is counted"
         return replace(made, notes=(*made.notes, note), outside=True)
     return made.without(out, "outside of the rooms") if out.any() else made
+
+
+def _under_sky(out: np.ndarray, space: np.ndarray) -> np.ndarray:
+    """Whether sensors lie in a space that is hardly a room, such as a roof, bool (sensor,).
+
+    `out` (sensor,) are those outside of rooms, `space` (sensor,) the index of each one's space.
+    """
+    places, index = np.unique(space, return_inverse=True)
+    share = np.bincount(index, out) / np.bincount(index)
+    return np.asarray(((share > MOSTLY) & (places >= 0))[index])
 
 
 def _in_spaces(made: PlacedSensors, spaces: tuple[Space, ...]) -> PlacedSensors:

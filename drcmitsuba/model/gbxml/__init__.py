@@ -3,7 +3,7 @@
 entries
     Elements of a file, whose values are checked where they are read.
 materials
-    Reflectances by kind of surface, which files rarely state; glass by its visible transmittance.
+    Glass by its visible transmittance.
 surfaces
     Surfaces with their openings cut out, as layers.
 gaps

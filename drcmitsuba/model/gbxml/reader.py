@@ -5,11 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from drcmitsuba.model.gbxml.entries import GbxmlEntry, is_gbxml, read_entry
-from drcmitsuba.model.gbxml.materials import note_reflectances, window_types
+from drcmitsuba.model.gbxml.materials import window_types
 from drcmitsuba.model.gbxml.spaces import entries_of, spaces_of
 from drcmitsuba.model.gbxml.surfaces import GbxmlSurfaces
 from drcmitsuba.model.model import Location, Model
 from drcmitsuba.model.notes import Notes
+from drcmitsuba.model.unstated import note_reflectances
 
 __all__ = ["is_gbxml", "read"]
 

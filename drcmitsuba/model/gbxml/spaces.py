@@ -64,7 +64,8 @@ def spaces_of(
         polygons = faces.get(entry.attribute("id"), ())
         floors = [[ring] for ring in polygons if is_floor(ring)]
         name = entry.text("Name") or entry.attribute("id")
-        levels = floors_of(floors)
+        ceiling = max((float(ring[:, 2].max()) for ring in polygons), default=0.0)
+        levels = floors_of(floors, ceiling)
         if not levels:
             notes.add(WITHOUT_FLOOR, name)
             continue
@@ -74,7 +75,7 @@ def spaces_of(
             Space(
                 name=name,
                 floors=levels,
-                ceiling=float(np.concatenate(polygons)[:, 2].max()),
+                ceiling=ceiling,
                 use=entry.attribute("spaceType"),
                 storey=storeys.get(entry.attribute("buildingStoreyIdRef"), ""),
                 volume=volume if stated is None or cubic is None else stated * cubic,

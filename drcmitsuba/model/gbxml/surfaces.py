@@ -10,13 +10,13 @@ import shapely
 
 from drcmitsuba.model.gbxml.entries import GbxmlEntry
 from drcmitsuba.model.gbxml.gaps import NEAR, Polygon, gaps_of
-from drcmitsuba.model.gbxml.materials import GLASS, glass, surface_material
 from drcmitsuba.model.gbxml.spaces import is_ceiling, is_floor
 from drcmitsuba.model.materials import GlazingMaterial, two_sided
 from drcmitsuba.model.model import Layer, Role
 from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.plane import Plane
 from drcmitsuba.model.polygon import NoAreaError, area_vector, quads_of
+from drcmitsuba.model.unstated import GLASS, glass, surface_material
 
 OPEN = "Air"
 """Kind of a surface or an opening that is no surface."""

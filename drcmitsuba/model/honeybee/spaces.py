@@ -24,7 +24,8 @@ def spaces_of(rooms: Sequence[JsonEntry], metres: float, notes: Notes) -> tuple[
             for face, polygon in zip(faces, polygons, strict=True)
             if face.text("face_type") == "Floor"
         ]
-        levels = floors_of(floors)
+        ceiling = max(float(outline[:, 2].max()) for outline, *_ in polygons)
+        levels = floors_of(floors, ceiling)
         if not levels:
             notes.add("Rooms without a floor are no spaces", room.place)
             continue
@@ -33,7 +34,7 @@ def spaces_of(rooms: Sequence[JsonEntry], metres: float, notes: Notes) -> tuple[
             Space(
                 name=room.text("display_name") or room.identifier(),
                 floors=levels,
-                ceiling=max(float(outline[:, 2].max()) for outline, *_ in polygons),
+                ceiling=ceiling,
                 use=program.rpartition("::")[2],
                 storey=room.text("story") or "",
                 volume=volume_of(polygons),

@@ -1,0 +1,109 @@
+"""IFC buildings: elements, glass as sheets, spaces; areas are exact."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from drcmitsuba.model.model import areas
+from drcmitsuba.runtime.errors import InputError
+from tests import SHARED, skips
+
+SAMPLE = SHARED / "data" / "ifc" / "duplex_21_spaces_ifc2x3.ifc"
+ifcopenshell = skips.module("ifcopenshell")
+from drcmitsuba.model import ifc  # noqa: E402
+from tests.unit.model import ifc_building as building  # noqa: E402
+
+
+@pytest.mark.parametrize("schema", ["IFC2X3", "IFC4"])
+@pytest.mark.parametrize("millimetres", [False, True])
+def test_a_house_has_its_areas(tmp_path, schema, millimetres):
+    model = ifc.read(building.house(schema=schema, millimetres=millimetres).written(tmp_path))
+    total = Counter()
+    for layer in model.layers:
+        total[layer.name, layer.role] += float(areas(layer.quads).sum())
+    glass = 1.8 * 0.8
+    slab = 8.6 * 5.4
+    assert total["glass", "pane"] == pytest.approx(glass, rel=1e-3)
+    assert total["floor", "surface"] == pytest.approx(2 * slab)
+    assert total["ceiling", "surface"] == pytest.approx(2 * slab)
+    assert total["furniture", "surface"] == pytest.approx(2 + 4 * 0.05)
+    assert set(total) == {
+        ("glass", "pane"), ("floor", "surface"), ("ceiling", "surface"), ("wall", "surface"),
+        ("frame", "surface"), ("furniture", "surface"),
+    }  # fmt: skip
+    assert [s.floor_area for s in model.spaces] == pytest.approx([20, 20], rel=1e-3)
+    assert [s.volume for s in model.spaces] == pytest.approx([60, 60])
+
+
+def test_spaces_have_names_uses_and_storeys(tmp_path):
+    spaces = ifc.read(building.house().written(tmp_path)).spaces
+    told = [(space.name, space.use, space.storey) for space in spaces]
+    assert told == [("1 Office", "Office", "Ground"), ("2 Store", "storage", "First")]
+
+
+def test_two_panes_of_a_window_are_one_sheet(tmp_path):
+    model = ifc.read(building.house().written(tmp_path))
+    [glass] = [layer for layer in model.layers if layer.role == "pane"]
+    np.testing.assert_allclose(glass.quads[..., 1], -0.108, atol=1e-6)
+    assert glass.material.transmittance == 0.6
+    assert "Windows without a visible transmittance have 0.6: glass." in model.notes
+
+
+def test_a_window_without_glass_is_glass_as_a_whole(tmp_path):
+    made = building.house()
+    made.add("IfcWindow", "plain", building.box((5, -0.15, 1), (6, -0.05, 2)))
+    model = ifc.read(made.written(tmp_path))
+    [glass] = [layer for layer in model.layers if layer.role == "pane"]
+    assert areas(glass.quads).sum() == pytest.approx(1.8 * 0.8 + 1, rel=1e-3)
+    assert any(note.startswith("Windows without a transparent part") for note in model.notes)
+
+
+def test_place_and_north_are_read(tmp_path):
+    made = building.house()
+    made.site.RefLatitude, made.site.RefLongitude = (57, 30, 0, 0), (-11, -15, 0, 0)
+    made.whole.TrueNorth = made.model.createIfcDirection((0.5, 3**0.5 / 2))
+    model = ifc.read(made.written(tmp_path))
+    assert (model.location.latitude, model.location.longitude) == (57.5, -11.25)
+    assert model.north == pytest.approx(30)
+
+
+def test_a_file_without_spaces_says_so(tmp_path):
+    made = building.IfcBuilding()
+    made.add("IfcSlab", "floor", building.box((0, 0, 0), (1, 1, 0.1)))
+    model = ifc.read(made.written(tmp_path))
+    assert model.spaces == ()
+    assert any(note.startswith("The file has no IfcSpace") for note in model.notes)
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        (lambda t: t.replace("FILE_SCHEMA(('IFC4'))", "FILE_SCHEMA(('IFC1X5'))"), None),
+        (lambda t: t[:200], None),
+        (lambda t: "", None),
+        (lambda t: "solid\nfacet normal 0 0 1\n", None),
+    ],
+)
+def test_what_is_no_ifc_is_named(tmp_path, change, field):
+    file = building.house().written(tmp_path)
+    file.write_text(change(file.read_text()))
+    with pytest.raises(InputError) as error:
+        ifc.read(file)
+    assert "house.ifc" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_file_without_shapes_is_named(tmp_path):
+    with pytest.raises(InputError, match="no element with a shape"):
+        ifc.read(building.IfcBuilding().written(tmp_path))
+
+
+@skips.needs(SAMPLE)
+def test_a_duplex_has_its_rooms_and_windows():
+    model, source = ifc.read(SAMPLE), ifcopenshell.open(str(SAMPLE))
+    assert len(model.spaces) == len(source.by_type("IfcSpace")) == 21
+    [glass] = [layer for layer in model.layers if layer.role == "pane"]
+    windows = {f"IfcWindow {each.GlobalId}" for each in source.by_type("IfcWindow")}
+    assert windows <= set(glass.places)
+    assert {space.storey for space in model.spaces} == {"Level 1", "Level 2", "Roof"}
