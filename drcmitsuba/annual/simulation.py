@@ -29,6 +29,7 @@ from drcmitsuba.runtime.provenance import METHOD
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.prepared_case import prepared
+from drcmitsuba.scene.spaces import rooms_of_points
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.sun_models import Suns
@@ -125,10 +126,11 @@ def of_points(
     accuracy = run.accuracy(case, len(points) if among is None else among)
     subdivision = case.sky.subdivision
     count = len(scene.channels_of(case, run.enabled_effects))
+    rooms = rooms_of_points(case, points)
     channels: list[xr.Dataset] = []
     for i, world in enumerate(_scenes(case, state, run)):
         done = part(progress, i / count, (i + 1) / count)
-        content = block_content(world, points, normals, accuracy, subdivision)
+        content = block_content(world, points, normals, accuracy, subdivision, rooms)
         if isinstance(case.sun, Adaptive):
             nodes = mesh or (mesh_of(channels[0]) if channels else ())
             of_mesh = partial(
@@ -145,7 +147,7 @@ def of_points(
             C = compute(
                 world, points, normals, suns, accuracy, subdivision=subdivision,
                 kept=run.kept(f"{case.name}, {state}", *content, suns), shared=run.shared,
-                progress=done,
+                rooms=rooms, progress=done,
             )  # fmt: skip
         channels.append(C)
     return joined_channels(channels)
@@ -157,9 +159,10 @@ def block_content(
     normals: np.ndarray,
     accuracy: Accuracy,
     subdivision: int,
+    rooms: np.ndarray | None,
 ) -> tuple[Any, ...]:
     """Everything that C in a scene depends on, but the suns."""
-    return world.content, points, normals, accuracy.sampling, subdivision
+    return world.content, points, normals, accuracy.sampling, subdivision, rooms
 
 
 def is_kept(case: Case, daylight: Daylight, run: Run) -> bool:
@@ -169,7 +172,8 @@ def is_kept(case: Case, daylight: Daylight, run: Run) -> bool:
     (points, normals), effects = prepared(case).receivers.at(), run.enabled_effects
     accuracy = run.accuracy(case, len(points))
     world = scene.load(case, OPEN, scene.channels_of(case, effects)[0], effects)
-    content = block_content(world, points, normals, accuracy, case.sky.subdivision)
+    rooms = rooms_of_points(case, points)
+    content = block_content(world, points, normals, accuracy, case.sky.subdivision, rooms)
     return bool(run.kept(case.name, *content, daylight.suns).cover(len(points)))
 
 

@@ -51,6 +51,16 @@ class BlockSeries:
     """Writes blocks, in a thread where one is open."""
     before: StoredBefore | None = None
     """Blocks that were stored before the run; None where nobody is told of them."""
+    first: int = 0
+    """Number of the sensor that the sensors of its blocks count from."""
+
+    def beyond(self, first: int) -> BlockSeries:
+        """Series of all blocks of some sensors, which count from a further one."""
+        return replace(self, first=self.first + first, part=EVERY_BLOCK)
+
+    def holds(self, block: int) -> bool:
+        """Whether a block, counted from 0, is made."""
+        return self.part.holds(block)
 
     def tell_stored(self, every: Sequence[slice]) -> None:
         """Tell the user once how many of these blocks were stored before the run began."""
@@ -112,7 +122,8 @@ class BlockSeries:
     def _path(self, here: slice) -> Path | None:
         if self.folder is None:
             return None
-        return self.folder / f"{here.start:08d}-{here.stop:08d}.zip"
+        start, stop = self.first + here.start, self.first + here.stop
+        return self.folder / f"{start:08d}-{stop:08d}.zip"
 
 
 NOTHING_KEPT = BlockSeries()

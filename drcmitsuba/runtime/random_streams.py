@@ -60,6 +60,8 @@ class Stream(Enum):
     """Rays from cells to other cells, of all replicates; round."""
     ROUNDS = (_N, 8)
     """Seed of a round of adaptive sampling; round."""
+    ROOMS = (_N, 12)
+    """Seed of further sensors that share light on cells; number of their group."""
     PANES = (_N, 0, _N)
     """Light on the faces of panes that scatter evenly; replicate, `Draw`."""
     FILMS = (_N, 0, 0, _N)

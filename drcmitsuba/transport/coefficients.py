@@ -11,7 +11,7 @@ import json
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import reduce
 from typing import IO, Any
 
@@ -49,6 +49,10 @@ from drcmitsuba.transport.shared_paths import SharedPaths
 
 HELD = 1 << 29
 """Largest size of the light on cells in all replicates that stays in memory [bytes]."""
+SEEDS = 1 << 30
+"""Number of seeds that an accuracy may have."""
+TOGETHER = 512
+"""Number of sensors in several rooms that share light on cells: more need more memory at once."""
 PHOTONS_SHARE = 0.8
 """Share of the progress bar that photons take."""
 
@@ -56,7 +60,8 @@ PHOTONS_SHARE = 0.8
 def compute(
     scene: Scene, points: np.ndarray, normals: np.ndarray, suns: Suns, accuracy: Accuracy, *,
     subdivision: int | None = 1, kept: BlockSeries = NOTHING_KEPT,
-    shared: SharedPaths | None = None, progress: Progress = lambda share: None,
+    shared: SharedPaths | None = None, rooms: np.ndarray | None = None,
+    progress: Progress = lambda share: None,
 ) -> xr.Dataset:  # fmt: skip
     r"""Coefficients of sensors for the ground, the sky patches and the suns.
 
@@ -77,6 +82,9 @@ def compute(
         those outside its part are passed over.
     shared : SharedPaths, optional
         Paths and photons that further states of a façade share; without it, none are kept.
+    rooms : np.ndarray of int, optional
+        Room of every sensor: light on cells is computed for some rooms after another, see
+        `groups_of`. By default all sensors share it.
     progress : callable
         Takes the share of the work that is done.
 
@@ -95,7 +103,7 @@ def compute(
     """
     blocks = compute_blocks(
         scene, points, normals, suns, accuracy, subdivision=subdivision, kept=kept,
-        shared=shared, progress=progress,
+        shared=shared, rooms=rooms, progress=progress,
     )  # fmt: skip
     return joined(blocks, len(points))
 
@@ -103,7 +111,8 @@ def compute(
 def compute_blocks(
     scene: Scene, points: np.ndarray, normals: np.ndarray, suns: Suns, accuracy: Accuracy, *,
     subdivision: int | None = 1, kept: BlockSeries = NOTHING_KEPT,
-    shared: SharedPaths | None = None, progress: Progress = lambda share: None,
+    shared: SharedPaths | None = None, rooms: np.ndarray | None = None,
+    progress: Progress = lambda share: None,
 ) -> Iterator[tuple[slice, xr.Dataset]]:  # fmt: skip
     """Yield the coefficients of `compute` for one block of sensors after another.
 
@@ -141,7 +150,7 @@ def compute_blocks(
     yield from estimate_blocks(
         base, bins, points, normals, photons=photons, kept=kept, progress=progress,
         sun_samples=accuracy.sensor_sun_samples if suns.straight else 0, done=done,
-        shared=shared,
+        shared=shared, rooms=None if photons is not None else rooms,
     )  # fmt: skip
 
 
@@ -159,7 +168,7 @@ def estimate(
 def estimate_blocks(
     base: Deposit, bins: Bins, points: np.ndarray, normals: np.ndarray, *,
     sun_samples: int, photons: PhotonTracer | None = None, kept: BlockSeries = NOTHING_KEPT,
-    done: int = 0, shared: SharedPaths | None = None,
+    done: int = 0, shared: SharedPaths | None = None, rooms: np.ndarray | None = None,
     progress: Progress = lambda share: None,
 ) -> Iterator[tuple[slice, xr.Dataset]]:  # fmt: skip
     """Yield coefficients for all bins of a deposit, one block of sensors after another.
@@ -176,16 +185,15 @@ def estimate_blocks(
         Photons for light that components deviate.
     done : int
         Number of sensors whose blocks are left out.
-    points, normals, kept, shared, progress
-        As for `compute`.
+    points, normals, kept, shared, rooms, progress
+        As for `compute`; photons do not come in rooms.
 
     Yields
     ------
     here, C : slice, xr.Dataset
         Sensors of a block, and their coefficients as from `compute`.
     """
-    scene, accuracy = base.scene, base.accuracy
-    numbers = range(accuracy.replicates)
+    accuracy, numbers = base.accuracy, range(base.accuracy.replicates)
     deposits, landed = tuple(base.lit(r) for r in numbers), list[Landed]()
     if photons is not None:
         progress, traced = part(progress, PHOTONS_SHARE, 1), part(progress, 0, PHOTONS_SHARE)
@@ -199,10 +207,65 @@ def estimate_blocks(
                 landed.append(photons.traced(seed, ended))
         dr.flush_malloc_cache()
     attributes = _photon_attributes(landed) if landed else {}
+    groups = groups_of(rooms, len(points))
+    for number, some in enumerate(groups):
+        if some.stop <= done or (len(groups) > 1 and not kept.part.holds(number)):
+            continue
+        seed = accuracy.seed if number == 0 else launch_seed(accuracy.seed, Stream.ROOMS, number)
+        own = accuracy.model_copy(update={"seed": seed % SEEDS})
+        blocks = _of_group(
+            tuple(replace(each, accuracy=own) for each in deposits), tuple(landed), bins,
+            points[some], normals[some], sun_samples=sun_samples, attributes=attributes,
+            kept=kept if len(groups) == 1 else kept.beyond(some.start), done=done - some.start,
+            shared=shared,
+            progress=part(progress, some.start / len(points), some.stop / len(points)),
+        )  # fmt: skip
+        for here, C in blocks:
+            yield slice(some.start + here.start, some.start + here.stop), C
+
+
+def groups_of(rooms: np.ndarray | None, sensors: int) -> list[slice]:
+    """Consecutive sensors that share light on cells.
+
+    Parameters
+    ----------
+    rooms : np.ndarray of int, shape (sensor,), optional
+        Room of every sensor.
+    sensors : int
+        Number of sensors.
+
+    Returns
+    -------
+    list of slice
+        At most `TOGETHER` sensors each, unless one room has more; no room is in two of them. All
+        sensors where there are no `rooms`. Light that comes from another group's rooms is not lost:
+        paths from a group's sensors find all cells that matter to them.
+    """
+    if rooms is None or sensors <= TOGETHER:
+        return [slice(0, sensors)]
+    last = np.zeros(int(rooms.max()) + 2, np.int64)  # room −1 is the last entry
+    last[rooms] = np.arange(sensors)  # later entries overwrite earlier ones
+    ends = np.flatnonzero(np.maximum.accumulate(last[rooms]) == np.arange(sensors)) + 1
+    groups, start = list[slice](), 0
+    while start < sensors:
+        fit = ends[(ends > start) & (ends <= start + TOGETHER)]
+        stop = int(fit[-1] if len(fit) else ends[ends > start][0])
+        groups.append(slice(start, stop))
+        start = stop
+    return groups
+
+
+def _of_group(
+    deposits: tuple[Deposit, ...], landed: tuple[Landed, ...], bins: Bins, points: np.ndarray,
+    normals: np.ndarray, *, sun_samples: int, attributes: dict[str, Any], kept: BlockSeries,
+    done: int, shared: SharedPaths | None, progress: Progress,
+) -> Iterator[tuple[slice, xr.Dataset]]:  # fmt: skip
+    """Yield coefficients of sensors that share the light on cells, block by block."""
+    base, numbers = deposits[0], range(len(deposits))
     interior = SharedPaths().interior if shared is None else shared.interior
-    gathered, transfer = interior.of(scene, points, normals, accuracy)
+    gathered, transfer = interior.of(base.scene, points, normals, base.accuracy)
     with ExitStack() as files:
-        every = Replicates(numbers, deposits, tuple(landed), transfer, len(points))
+        every = Replicates(numbers, deposits, landed, transfer, len(points))
 
         def file() -> IO[bytes] | None:
             if kept.folder is None:
@@ -216,7 +279,7 @@ def estimate_blocks(
             dr.flush_malloc_cache()  # once: blocks that fetch their memory anew take longer
         kept.tell_stored(gathered.blocks)
         for block, here in enumerate(gathered.blocks):
-            if here.start < done or not kept.part.holds(block):
+            if here.start < done or not kept.holds(block):
                 continue
             C = kept.get(here)
             if C is None:

@@ -22,6 +22,9 @@ from drcmitsuba.scene.scene import Scene
 
 SLACK = 1e-3
 """Width by which openings count as larger on all sides, in doubt [m]."""
+MOST = 24
+"""Largest number of openings that are tested one by one for each ray; where there are more, as in a
+building of many rooms, it costs less to trace all rays."""
 RAYS = 256
 """Number of rays by which a point is found to lie in a room of a model."""
 
@@ -128,7 +131,9 @@ class Openings:
         if room is None or not room.spares:
             return None
         if room.exits is not None:
-            return None if within is None else cls(room.exits, mi.Bool(within))
+            if within is None or len(room.exits) > MOST:
+                return None
+            return cls(room.exits, mi.Bool(within))
         if within is None:
             within = room.contains(points.numpy().reshape(-1, 3))
         return cls(room.openings, occluders=scene.occluders) if within else None
