@@ -36,6 +36,8 @@ def fingerprint(case: Case, enabled_effects: EnabledEffects) -> str:
         "subdivision": case.sky.subdivision,
         "diameter": case.outside.sun_diameter,
     }
+    if case.output.spaces:
+        settings["in_spaces"] = case.output.spaces
     if case.model is not None:
         settings["model"]["files"] = [_digest(file) for file in case.model.files]
     if isinstance(case.sensors, PointSensors) and isinstance(case.sensors.points, Path):

@@ -8,6 +8,7 @@ floor, x to the east, y to the north, z up.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -111,7 +112,7 @@ class Case(Table):
     effects: Effects = Effects()
     """Effects of light that are simulated."""
     output: Output = Output()
-    """Arrays that an evaluation keeps."""
+    """Spaces that are evaluated, and arrays that are kept."""
     design: Design | None = None
     """Design space and objective of `optimise`."""
 
@@ -297,6 +298,12 @@ class Case(Table):
     def with_dark_hours(self) -> Case:
         """Simulate the suns of all time stamps, for coefficients that serve any weather."""
         return self.with_tables(effects=self.effects.model_copy(update={"dark_hours": "all"}))
+
+    def with_spaces(self, patterns: Sequence[str]) -> Case:
+        """Evaluate the sensors of some spaces, by their names; without any, those of all."""
+        if not patterns:
+            return self
+        return self.with_tables(output=self.output.model_copy(update={"spaces": tuple(patterns)}))
 
     def with_weather(self, file: Path | None) -> Case:
         """Replace the weather file; None keeps the case's own."""

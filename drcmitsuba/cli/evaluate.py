@@ -127,6 +127,9 @@ def evaluate(
         str | None,
         option("I/N", "Make one of N parts of the blocks in the cache, and no results."),
     ] = None,
+    spaces: Annotated[
+        str | None, option("NAMES", 'Spaces that are evaluated, such as "Office*,Hall".')
+    ] = None,
     variants: Annotated[
         str | None,
         option("NAMES", "Other façades: cases beside this one, such as o1,o2; each gets a folder."),
@@ -136,7 +139,7 @@ def evaluate(
     if variants is not None:
         of_one = {
             "--coefficients": coefficients, "--cache": cache, "--memory": memory,
-            "--workers": workers, "--scheduler": scheduler, "--block": block,
+            "--workers": workers, "--scheduler": scheduler, "--block": block, "--spaces": spaces,
         }  # fmt: skip
         for name, value in of_one.items():
             if value is not None:
@@ -156,7 +159,7 @@ def evaluate(
     from drcmitsuba.runtime.folder_lock import locked
 
     most = None if memory is None else byte_size(memory, "--memory")
-    loaded = load(case, weather)
+    loaded = load(case, weather).with_spaces(spaces.split(",") if spaces else ())
     known = None
     if coefficients is not None:
         known = stored_arrays.open_dataset(coefficients, "replicates", "straight", "state")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
 from functools import lru_cache
 
 import mitsuba as mi
@@ -24,6 +25,7 @@ from drcmitsuba.model.model import Model, SensorGrid
 from drcmitsuba.model.notes import MOST_NAMES, Notes
 from drcmitsuba.model.space import Space, space_at
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import choose, shortened
 from drcmitsuba.scene.components import inside
 from drcmitsuba.scene.geometry import boxes, origin, recentred, rotation
 from drcmitsuba.scene.sensors_of_model import (
@@ -71,6 +73,15 @@ class PlacedSensors:
         parts = zip(self.grids, np.split(points, ends), strict=True)
         grids = tuple(replace(grid, points=own) for grid, own in parts)
         return PlacedSensors(grids, (*self.notes, note))
+
+    def only(self, kept: np.ndarray) -> PlacedSensors:
+        """Keep some sensors, bool (sensor,)."""
+        ends = np.cumsum([len(grid.points) for grid in self.grids])[:-1]
+        grids = (
+            replace(grid, points=grid.points[own], normals=grid.normals[own])
+            for grid, own in zip(self.grids, np.split(kept, ends), strict=True)
+        )
+        return replace(self, grids=tuple(grid for grid in grids if len(grid.points)))
 
     def without(self, bad: np.ndarray, where: str) -> PlacedSensors:
         """Leave out sensors that are bad, bool (sensor,), with a note on each of their grids."""
@@ -138,11 +149,28 @@ def sensor_coordinates(case: Case) -> xr.Dataset:
 
 
 def placed_sensors(case: Case) -> PlacedSensors:
-    """Sensors of a case in the frame of its file [m].
+    """Sensors of a case in the frame of its file [m], of the spaces that it evaluates.
 
     Points of a grid by rule in or on a solid are left out with a note; points that the user
-    listed are refused there. Errors are those of `sensor_points`.
+    listed are refused there. Errors are those of `sensor_points`; no space with sensors has a name
+    of `output.spaces`.
     """
+    placed, patterns = _in_all_spaces(case), case.output.spaces
+    if not patterns:
+        return placed
+    spaces = spaces_of(case)
+    at = space_at(spaces, placed.points)
+    names = [spaces[k].name for k in np.unique(at[at >= 0])]
+    for pattern in patterns:
+        if not any(fnmatchcase(name, pattern) for name in names):
+            got = f"no space with sensors is called {shortened(pattern)}"
+            raise InputError(case.source, "output.spaces", got, choose(pattern, names))
+    wanted = [any(fnmatchcase(space.name, p) for p in patterns) for space in spaces]
+    return placed.only(np.array([*wanted, False])[at])
+
+
+def _in_all_spaces(case: Case) -> PlacedSensors:
+    """Sensors of all spaces, as `placed_sensors`."""
     is_open = case.model is not None and case.model.leaks == "allow"
     if case.building.layers:
         made = sensors_of_model(

@@ -94,6 +94,17 @@ def test_sensors_in_no_space_are_left_out_and_counted(tmp_path):
     assert len(placed_sensors(nowhere).points) == 1
 
 
+def test_some_spaces_are_evaluated(tmp_path):
+    case = two_rooms(tmp_path, {"grids": ["*"]}, west=WEST, east=EAST)
+    case = with_grid(case, [1, 1, 0.8], [6, 1, 0.8], [2, 1, 0.8])
+    at = sensor_coordinates(case.with_spaces(["ea*"]))
+    assert at["x"].values.tolist() == [6]
+    assert at["space"].values.tolist() == ["east"]
+    assert sensor_coordinates(case.with_spaces([])).sizes["sensor"] == 3
+    with pytest.raises(InputError, match='no space with sensors is called "north"'):
+        placed_sensors(case.with_spaces(["north"]))
+
+
 def test_a_space_without_sensors_is_named(tmp_path):
     case = two_rooms(tmp_path, {"grids": ["*"]}, west=WEST, east=EAST)
     [note] = placed_sensors(with_grid(case, [1, 1, 0.8])).notes
