@@ -12,11 +12,13 @@ from matplotlib.figure import Figure
 from drcmitsuba import metrics
 from drcmitsuba.case.case import Case
 from drcmitsuba.metrics.grids import sensors_by_grid
+from drcmitsuba.metrics.spaces import sensors_by_space
 from drcmitsuba.report import plots
 from drcmitsuba.report.captions import caption, is_rated, period_name, turned_text
 from drcmitsuba.report.colour_scale import round_levels, scale
 from drcmitsuba.report.outlines import outlines_in_plan
 from drcmitsuba.report.sheets import MOST_SHEETS, Sheet, sheets
+from drcmitsuba.runtime.errors import on_a_line
 from drcmitsuba.schema import luminance
 
 
@@ -131,19 +133,23 @@ def _plans(
             here = values[sheet.sensors]
             if name.startswith("undecided") and not ((here > 0) & (here < 100)).any():
                 continue
-            title = f"{case.name}: {settings['title']}{_where(sheet, k, len(every))}"
+            where = _where(illuminance, sheet, k, len(every))
+            title = f"{case.name}: {settings['title']}{where}"
             drawn[f"{name}{number}_plan.png"] = plots.plan(
                 here, **{**settings, **lines, "title": title, "caption": words}
             )
     return drawn
 
 
-def _where(sheet: Sheet, number: int, count: int) -> str:
-    """Words for a sheet of several, and for sensors that do not face up."""
+def _where(illuminance: xr.Dataset, sheet: Sheet, number: int, count: int) -> str:
+    """Words for a sheet of several, by its storey if it is one, and for sensors not facing up."""
     heights = f"{sheet.low:.2f} m"
     if sheet.high > sheet.low + 0.005:
         heights = f"{sheet.low:.2f} to {sheet.high:.2f} m"
     parts = [] if sheet.faces_up else ["on planes across the arrows"]
+    here = set(sheet.sensors.tolist())
+    storeys = {s.storey for s in sensors_by_space(illuminance) if not here.isdisjoint(s.sensors)}
+    parts += [on_a_line(name) for name in storeys if name and len(storeys) == 1]
     if count > 1:
         parts.append(f"plan {number} of {count}, points at {heights}")
     return "".join(f"; {part}" for part in parts)
