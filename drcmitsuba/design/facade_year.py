@@ -9,6 +9,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from drcmitsuba.design.facade_groups import FacadeGroups
 from drcmitsuba.design.facade_tiles import TiledLight, Tiles
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
@@ -30,17 +31,20 @@ class FacadeYear:
     """Shares of the elements of other sides, the shade open; 1 for light that passes no tile."""
     channels: tuple[tuple[float, SmoothYear], ...]
     """Weight in luminance and year of every colour channel; one of a grey case."""
+    groups: FacadeGroups | None = None
+    """Groups of panes that close one by one; None where one shade closes."""
 
     @classmethod
     def of(cls, tiled: TiledLight, daylight: Daylight) -> FacadeYear:
         """Put light by tile under the daylight of a case; errors are those of `SmoothYear.of`."""
         years = [
-            SmoothYear.of(light, daylight, tiled.is_open, tiled.closing) for light in tiled.channels
+            SmoothYear.of(light, daylight, tiled.is_open, tiled.closings, tiled.group)
+            for light in tiled.channels
         ]
         weights = channel_weights(len(years))
         still, names = flat(np.append(tiled.as_drawn, 1)), (*tiled.names, "")
         channels = tuple(zip(weights, years, strict=True))
-        return cls(tiled.tiles, tiled.materials, names, still, channels)
+        return cls(tiled.tiles, tiled.materials, names, still, channels, tiled.groups)
 
     @property
     def months(self) -> np.ndarray:

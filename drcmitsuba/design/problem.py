@@ -217,7 +217,7 @@ class FacadeProblem(RatedProblem):
     @cached_property
     def measure(self) -> Measure:
         """Rules by which the year is rated."""
-        return Measure(self.goal.rules, self.goal.aim, self.year.months)
+        return Measure(self.goal.rules, self.goal.aim, self.year.months, self.year.groups)
 
     def _hard(self, E: Illuminances, film: float, window: float) -> FacadeScore:
         """Hard score of illuminances E with areas of film and panes [m²]."""

@@ -51,6 +51,9 @@ class TiledFacades:
     """Shares (fill,) of every tile in each variant, the shade open."""
     members: tuple[dict[int, Member], ...]
     """Groups of `[groups]` that tiles belong to as drawn in each variant, by tile."""
+    grouped: tuple[tuple[Member | None, ...], ...] | None
+    """Group that each tile belongs to with each of its fills, by the first case; None where it has
+    no `[groups]`."""
 
     @classmethod
     def of_variants(cls, cases: Sequence[Case]) -> TiledFacades:
@@ -182,6 +185,7 @@ class TiledFacades:
             is_open=np.array([name in tile.fills for tile, names in each for name in names]),
             shade=shade,
             drawn=drawn,
+            grouped=_grouped(first, tiles, fills) if first.groups else None,
             members=tuple(
                 _members(case, tiles, fills, row) for case, row in zip(cases, rows, strict=True)
             ),
@@ -198,12 +202,27 @@ def _members(
     case: Case, tiles: Sequence[_Tile], fills: Sequence[tuple[str, ...]], drawn: Sequence[str]
 ) -> dict[int, Member]:
     """Groups of a case's tiles with the fills that stand in them as drawn."""
-    members = {}
-    for g, (tile, names, fill) in enumerate(zip(tiles, fills, drawn, strict=True)):
-        if (group := group_of(case, fill, tile.side)) is not None:
-            number, materials = group
-            members[g] = Member(number, tuple(map(names.index, materials)))
-    return members
+    each = enumerate(zip(tiles, fills, drawn, strict=True))
+    found = {g: _member(case, tile, names, fill) for g, (tile, names, fill) in each}
+    return {g: member for g, member in found.items() if member is not None}
+
+
+def _grouped(
+    case: Case, tiles: Sequence[_Tile], fills: Sequence[tuple[str, ...]]
+) -> tuple[tuple[Member | None, ...], ...]:
+    """Groups of tiles with each of the fills that may stand in them while everything is open."""
+    return tuple(
+        tuple(_member(case, tile, names, fill) if fill in tile.fills else None for fill in names)
+        for tile, names in zip(tiles, fills, strict=True)
+    )
+
+
+def _member(case: Case, tile: _Tile, names: tuple[str, ...], fill: str) -> Member | None:
+    """Group of a tile with a fill, one of its `names`."""
+    if (group := group_of(case, fill, tile.side)) is None:
+        return None
+    number, materials = group
+    return Member(number, tuple(map(names.index, materials)))
 
 
 def _tiles(cases: Sequence[Case], side: Side) -> tuple[list[_Tile], np.ndarray]:
