@@ -89,7 +89,7 @@ class SharedElements:
         with run.timed("sky"):
             remarks = [notes(case) for case in cases]  # reads the films' files, which may be unfit
             light = daylight_and_year(first) if light is None else light
-            scope = _joined([plan(case, light).scope for case in cases])
+            scope = joined_effects([plan(case, light).scope for case in cases])
         with run.timed("elements") as done:
             channels = light_of_channels(
                 facades.case, facades.panes, light.suns, accuracy, scope, done
@@ -161,7 +161,7 @@ def evaluate_variants(cases: Sequence[Case], stage: Stage = silent) -> Iterator[
         yield shared.simulated(number).result()
 
 
-def _joined(scopes: Sequence[EnabledEffects]) -> EnabledEffects:
+def joined_effects(scopes: Sequence[EnabledEffects]) -> EnabledEffects:
     """Effects that any of several cases calls for."""
 
     def some(name: str) -> bool:

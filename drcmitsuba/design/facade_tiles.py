@@ -28,6 +28,8 @@ class Tiles:
 
     bounds: np.ndarray
     """Left, right, bottom and top from the foot of the wall [m], shape (tile, 4)."""
+    names: tuple[str, ...] = ()
+    """Names of tiles that are panes of a model."""
 
     def __len__(self) -> int:
         """Count the tiles."""
@@ -65,6 +67,9 @@ class TiledLight:
     """Light of every colour channel; one of a grey case."""
     groups: FacadeGroups | None = None
     """Groups of panes that close one by one; None where one shade closes."""
+    place: np.ndarray | None = None
+    """Place of every element in a composition, −1 for one of other panes, int, shape (element,),
+    where `as_drawn` has shares of all elements; None where the searched ones come first."""
     group: np.ndarray | None = None
     """Number of every element's group, −1 for none, int, shape (element,); likewise."""
 
@@ -110,7 +115,11 @@ class TiledLight:
         closed : bool
             Whether the shade stands before all clear panes.
         """
-        shares = np.append(np.asarray(composition, np.float32), self.as_drawn)
+        given = np.asarray(composition, np.float32)
+        if self.place is None:
+            shares = np.append(given, self.as_drawn)
+        else:
+            shares = np.where(self.place < 0, self.as_drawn, given.ravel()[self.place])
         return shares @ self.closings[0] if closed else shares
 
     def coefficients(self, composition: np.ndarray, *, closed: bool = False) -> xr.Dataset:

@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 
 from drcmitsuba.annual.chosen_facade import light_of_channels
+from drcmitsuba.annual.result import Result, evaluate
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.design import Design
 from drcmitsuba.case.facade import Facade
@@ -78,7 +79,8 @@ class Layout:
             raise InputError(case.source, "design", "no such table", remedy)
         case.refuse_overruled("the search for a façade")
         refuse_structures_in_strips(case, "evaluate the case, or search its tilt")
-        assert case.room is not None
+        if case.room is None:
+            raise InputError(case.source, "design", "there is no room", "add a [room]")
         assert design.film is not None  # with a component in its place, one stands
         side: Side = design.side or case.glazed[0]
         facade = case.facade.get(side, Facade())
@@ -157,6 +159,10 @@ class Layout:
         """Settings of the search."""
         d = self.design
         return Search(d.starts, d.sharpness, d.iterations, d.seed)
+
+    def afresh(self, optimum: FacadeOptimum, stage: Stage = silent) -> Result:
+        """Evaluate an optimum as a case of its own."""
+        return evaluate(self.built(optimum), stage)
 
     def built(self, optimum: FacadeOptimum) -> Case:
         """Case of an optimum, with its transmittances where these were free."""

@@ -212,7 +212,9 @@ class FacadeProblem(RatedProblem):
     def details(self, candidate: FacadeCandidate) -> dict[str, Any]:
         """Further entries of `optimum.json`: the composition of every tile by material."""
         columns = zip(self.year.materials, candidate.share.T, strict=True)
-        return {"composition": {k: [round(float(v), 5) for v in column] for k, column in columns}}
+        entries = {k: [round(float(v), 5) for v in column] for k, column in columns}
+        names = getattr(self.year.tiles, "names", ())
+        return ({"panes": [*names]} if names else {}) | {"composition": entries}
 
     @cached_property
     def measure(self) -> Measure:
