@@ -19,7 +19,7 @@ from drcmitsuba.metrics import smooth_step
 from drcmitsuba.metrics.facade_states import ShadeRule
 from drcmitsuba.metrics.grids import count_by_grid
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.transport.elements.smooth_year import Illuminances
+from drcmitsuba.transport.elements.state_illuminances import Illuminances
 
 MOST_STATES = 32
 """Largest number of states of the façade that a search holds."""

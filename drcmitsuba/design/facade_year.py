@@ -15,7 +15,8 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.schema import channel_weights
 from drcmitsuba.sky.daylight import Daylight
-from drcmitsuba.transport.elements.smooth_year import Illuminances, SmoothYear
+from drcmitsuba.transport.elements.smooth_year import SmoothYear
+from drcmitsuba.transport.elements.state_illuminances import Illuminances
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from drcmitsuba import metrics
 from drcmitsuba.design.facade_groups import FacadeGroups
 from drcmitsuba.metrics import smooth
 from drcmitsuba.metrics.intervals.rules import Rules
-from drcmitsuba.transport.elements.smooth_year import Illuminances
+from drcmitsuba.transport.elements.state_illuminances import Illuminances
 
 Aim = Literal["sDA", "worst month"]
 NAMES: Mapping[Aim, str] = {"sDA": "sDA", "worst month": "msDA of the worst month"}

@@ -56,7 +56,7 @@ from drcmitsuba.scene.structures.recipe import Lamellae, load_recipe
 from drcmitsuba.schema import by_luminance, luminance
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.daylight import daylight as daylight_of
-from drcmitsuba.transport.elements.smooth_year import Illuminances
+from drcmitsuba.transport.elements.state_illuminances import Illuminances
 
 
 class TiltGoal(NamedTuple):

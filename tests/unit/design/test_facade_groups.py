@@ -16,7 +16,7 @@ from drcmitsuba.metrics import smooth
 from drcmitsuba.metrics.facade_states import ShadeRule, sunlit
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.transport.elements.smooth_year import Illuminances
+from drcmitsuba.transport.elements.state_illuminances import Illuminances
 from tests.system.every_room import BOXES
 
 HOURS, SENSORS = 120, 30
