@@ -57,6 +57,7 @@ class Found:
 class SyntheticYear:
     """E[time, sensor] = Σ share[tile, material] · basis[tile, material, time, sensor]."""
 
+    groups = None
     tiles: Tiles
     time: int = 240
     grid: tuple = (5, 8)

@@ -21,7 +21,7 @@ from drcmitsuba.runtime.content_key import content_key
 from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
-from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.pane_groups import Member, PaneGroups
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.sun_models import Suns
@@ -65,7 +65,7 @@ class ChosenFacade:
     def of(
         cls, case: Case, panes: PaneGroups, channels: tuple[LightByElement, ...],
         daylight: Daylight, effects: EnabledEffects, chosen: ChosenFills,
-        drawn: Mapping[int, np.ndarray],
+        drawn: Mapping[int, np.ndarray], members: Mapping[int, Member] | None = None,
     ) -> ChosenFacade:  # fmt: skip
         """Put a choice on a case; arguments as for `moving_groups`."""
         starts = panes.states.starts
@@ -73,7 +73,7 @@ class ChosenFacade:
         still[list(starts[:-1])] = 1
         for g, row in {**drawn, **chosen.constant}.items():
             still[starts[g] : starts[g + 1]] = row
-        moving = moving_groups(case, panes, chosen, drawn, daylight.sky["time"])
+        moving = moving_groups(case, panes, chosen, drawn, daylight.sky["time"], members)
         marked = attributes(case, daylight, effects)
         for name in ("groups", "schedule", "shade_threshold", "shade_area"):
             marked.pop(name, None)

@@ -16,7 +16,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import shortened
 from drcmitsuba.scene.fills import clear_panes
 from drcmitsuba.scene.materials import shade_covers
-from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.pane_groups import Member, PaneGroups
 from drcmitsuba.scene.prepared_case import prepared
 
 
@@ -83,14 +83,14 @@ class MovingGroups:
 
 def moving_groups(
     case: Case, panes: PaneGroups, chosen: ChosenFills, drawn: Mapping[int, np.ndarray],
-    time: xr.DataArray,
+    time: xr.DataArray, members: Mapping[int, Member] | None = None,
 ) -> MovingGroups:  # fmt: skip
     """Groups of a case, and openings whose fill is chosen by the hour.
 
     Parameters
     ----------
     panes : PaneGroups
-        Openings of the case: its groups come first, in their order.
+        Openings of the case.
     chosen : ChosenFills
         Fills of the openings that do not follow the case.
     drawn : mapping
@@ -98,6 +98,9 @@ def moving_groups(
         what the case draws.
     time : xr.DataArray
         Time stamps of the choice.
+    members : mapping, optional
+        Groups of `[groups]` that openings belong to, by their index; by default the groups of the
+        case are its first openings, in their order.
 
     Raises
     ------
@@ -107,24 +110,39 @@ def moving_groups(
     names = panes.states
     first = {g: drawn.get(g, np.eye(1, len(s), dtype=np.float32)[0])
              for g, s in enumerate(names.states)}  # fmt: skip
-    by_case = _of_table if case.groups else _of_shade
-    moving = by_case(case, panes, {g: row for g, row in first.items() if g not in chosen.named})
+    rows = {g: row for g, row in first.items() if g not in chosen.named}
+    if case.groups:
+        moving = _of_table(
+            case, rows, prepared(case).groups.members if members is None else members
+        )
+    else:
+        moving = _of_shade(case, panes, rows)
     for g, mixtures in chosen.hourly.items():
         by_hour = _hours(names.names[g], mixtures, time)
         moving.append(MovingGroup(names.names[g], mixtures.names, ((g, mixtures.shares),), by_hour))
     return MovingGroups(tuple(moving), names)
 
 
-def _of_table(case: Case, panes: PaneGroups, first: Mapping[int, np.ndarray]) -> list[MovingGroup]:
+def _of_table(
+    case: Case, first: Mapping[int, np.ndarray], members: Mapping[int, Member]
+) -> list[MovingGroup]:
     """Groups of `[groups]`, whose open state has the shares `first`."""
-    own = prepared(case).groups
-    schedule, moving = schedule_of(case.groups, own.states), []
-    for g, (name, states) in enumerate(zip(own.states.names, own.states.states, strict=True)):
-        if len(states) > 1 and g in first and own.facings[g]:
-            table = np.eye(len(states), len(panes.states.states[g]), dtype=np.float32)
-            table[0] = first[g]
-            moving.append(MovingGroup(name, states, ((g, table),), schedule.of_group.get(g)))
+    own = prepared(case).groups.states
+    schedule, moving = schedule_of(case.groups, own), []
+    for g, (name, states) in enumerate(zip(own.names, own.states, strict=True)):
+        parts = tuple(
+            (opening, _table(first[opening], member.fills))
+            for opening, member in members.items()
+            if member.group == g and opening in first
+        )
+        if len(states) > 1 and parts:
+            moving.append(MovingGroup(name, states, parts, schedule.of_group.get(g)))
     return moving
+
+
+def _table(first: np.ndarray, fills: tuple[int, ...]) -> np.ndarray:
+    """Shares (state, fill): the first ones, then one fill each."""
+    return np.stack([first, *np.eye(len(first), dtype=np.float32)[[*fills]]])
 
 
 def _of_shade(case: Case, panes: PaneGroups, first: Mapping[int, np.ndarray]) -> list[MovingGroup]:

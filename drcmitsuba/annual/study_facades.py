@@ -13,6 +13,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
 from itertools import chain, count
 from typing import Any
 
@@ -20,6 +21,7 @@ from drcmitsuba.annual.result import Result
 from drcmitsuba.annual.variants import SharedElements
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.facade import Facade
+from drcmitsuba.case.groups import Group
 from drcmitsuba.case.shading import AREA, THRESHOLD
 from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.model.materials import Material
@@ -27,7 +29,7 @@ from drcmitsuba.runtime.content_key import content_key
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.scene.prepared_case import prepared
-from drcmitsuba.scene.tiled_facades import TiledFacades, refuse_unlike
+from drcmitsuba.scene.shared_facades import SharedFacades
 from drcmitsuba.sky.daylight import Daylight, daylight
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import elements as by_element
@@ -59,7 +61,8 @@ def together(rows: Iterable[tuple[int, Case, str]]) -> list[list[int]]:
 def _may_share(case: Case) -> bool:
     """Whether elements can hold the façade of a case."""
     has_target = case.accuracy.sensor_goal is not None or isinstance(case.sun, Adaptive)
-    return case.room is not None and not (case.components or case.groups or has_target)
+    has_facade = case.room is not None or case.model is not None
+    return has_facade and not (case.components or has_target)
 
 
 def _common(case: Case) -> tuple[object, ...]:
@@ -79,17 +82,23 @@ def _facade(case: Case) -> str:
 def alike(cases: Sequence[Case]) -> list[Case]:
     """Cases that share light, with the tables of the first and one material for each name.
 
-    A material that another row has under the same name takes a name of its own.
+    A material that another row has under the same name takes a name of its own; panes of a model
+    keep the names that they have there.
     """
     first, known = cases[0], dict[str, Material]()
     common = {table: getattr(first, table) for table in OWN if table not in ("facade", "materials")}
+    of_model = {name for layer in first.building.layers for name in layer.names}
     made = []
     for case in cases:
-        names = {name: _free(name, material, known) for name, material in case.materials.items()}
+        names = {
+            name: name if name in of_model else _free(name, material, known)
+            for name, material in case.materials.items()
+        }
         materials = {names[name]: material for name, material in case.materials.items()}
-        known |= materials
+        known |= {name: m for name, m in materials.items() if name not in of_model}
         facade = {side: _renamed(table, names) for side, table in case.facade.items()}
-        made.append(case.with_tables(**common, facade=facade, materials=materials))
+        groups = {name: _regrouped(group, names) for name, group in case.groups.items()}
+        made.append(case.with_tables(**common, facade=facade, groups=groups, materials=materials))
     return made
 
 
@@ -97,6 +106,14 @@ def _free(name: str, material: Material, known: Mapping[str, Material]) -> str:
     """First of the names "film", "film 2", "film 3" … under which no other material is known."""
     names = chain([name], (f"{name} {number}" for number in count(2)))
     return next(each for each in names if known.get(each, material) == material)
+
+
+def _regrouped(group: Group, names: Mapping[str, str]) -> Group:
+    """Group whose panes and states have other names of materials."""
+    new = (n for n in names if any(fnmatchcase(n, pattern) for pattern in group.panes))
+    panes = dict.fromkeys((*group.panes, *(names[name] for name in new))) if group.panes else ()
+    states = (names[name] for name in group.states)
+    return group.model_copy(update={"panes": tuple(panes), "states": tuple(states)})
 
 
 def _renamed(facade: Facade, names: Mapping[str, str]) -> Facade:
@@ -165,10 +182,9 @@ def jobs(cases: Sequence[Case], suns: Suns) -> list[FacadesJob]:
 def _fits(cases: Sequence[Case], suns: Suns) -> bool:
     first = cases[0]
     try:
-        refuse_unlike(cases)
-        tiled = TiledFacades.of_variants(cases)
+        facades = SharedFacades.of(cases)
     except InputError:  # of a row, which tells so when it is evaluated by itself
         return False
     sensors, subdivision = len(prepared(first).receivers), first.sky.subdivision
-    size = by_element.memory(tiled.panes.states, suns, first.accuracy, sensors, subdivision)
+    size = by_element.memory(facades.panes.states, suns, first.accuracy, sensors, subdivision)
     return size < MEMORY

@@ -22,7 +22,7 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.scene.enabled_effects import EnabledEffects
-from drcmitsuba.scene.tiled_facades import TiledFacades, refuse_unlike
+from drcmitsuba.scene.shared_facades import SharedFacades
 from drcmitsuba.sky.daylight import Daylight, daylight_and_year
 from drcmitsuba.transport import elements as by_element
 
@@ -53,7 +53,7 @@ class SharedElements:
 
     cases: Sequence[Case]
     light: Daylight
-    tiled: TiledFacades
+    facades: SharedFacades
     scope: EnabledEffects
     """Effects that were simulated: those that any of the cases calls for."""
     channels: tuple[by_element.LightByElement, ...]
@@ -70,7 +70,7 @@ class SharedElements:
         Parameters
         ----------
         cases : sequence of Case
-            Cases of a room of boxes.
+            Cases of a room of boxes, or of a model.
         stage : callable, optional
         light : Daylight, optional
             Daylight of the cases; by default computed.
@@ -78,22 +78,23 @@ class SharedElements:
         Raises
         ------
         InputError
-            The cases cannot share a simulation: they differ in more than façades, have groups, a
-            structure in a strip, a target or an adaptive sun, or need more memory than there is.
+            The cases cannot share a simulation: they differ in more than façades, have a structure
+            in a strip, a target or an adaptive sun, or need more memory than there is.
         """
         backend.select()
         first = cases[0]
-        refuse_unlike(cases)
+        facades = SharedFacades.of(cases)
         run = replace(Run.of(first), stage=stage)
         accuracy = accuracy_of(first, run)
         with run.timed("sky"):
             remarks = [notes(case) for case in cases]  # reads the films' files, which may be unfit
             light = daylight_and_year(first) if light is None else light
-            scope = _joined([plan(case, light).scope for case in cases])
-            tiled = TiledFacades.of_variants(cases)
+            scope = joined_effects([plan(case, light).scope for case in cases])
         with run.timed("elements") as done:
-            channels = light_of_channels(tiled.case, tiled.panes, light.suns, accuracy, scope, done)
-        return cls(cases, light, tiled, scope, channels, remarks, run)
+            channels = light_of_channels(
+                facades.case, facades.panes, light.suns, accuracy, scope, done
+            )
+        return cls(cases, light, facades, scope, channels, remarks, run)
 
     def simulated(self, number: int, judged: Case | None = None) -> SimulatedVariant:
         """Compute C of one of the cases, for its own rules of the metrics or those of another."""
@@ -105,8 +106,8 @@ class SharedElements:
             planned = plan(case, self.light)
             run = replace(run, enabled_effects=planned.scope, stage=silent)
             facade = ChosenFacade.of(
-                planned.simulated, self.tiled.panes, self.channels, self.light, planned.scope,
-                ChosenFills({}, {}), self.tiled.drawn[number],
+                planned.simulated, self.facades.panes, self.channels, self.light, planned.scope,
+                ChosenFills({}, {}), self.facades.drawn[number], self.facades.members[number],
             )  # fmt: skip
             year = simulated_year(facade, planned.simulated, self.light, run, facade.attributes)
         return SimulatedVariant(planned.summed(always=True), year, self.remarks[number], run)
@@ -138,7 +139,7 @@ def evaluate_variants(cases: Sequence[Case], stage: Stage = silent) -> Iterator[
     Parameters
     ----------
     cases : sequence of Case
-        Cases of a room of boxes that differ in their façades only.
+        Cases of a room of boxes, or of a model, that differ in their façades only.
     stage : callable, optional
 
     Yields
@@ -160,7 +161,7 @@ def evaluate_variants(cases: Sequence[Case], stage: Stage = silent) -> Iterator[
         yield shared.simulated(number).result()
 
 
-def _joined(scopes: Sequence[EnabledEffects]) -> EnabledEffects:
+def joined_effects(scopes: Sequence[EnabledEffects]) -> EnabledEffects:
     """Effects that any of several cases calls for."""
 
     def some(name: str) -> bool:

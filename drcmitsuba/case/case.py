@@ -265,6 +265,8 @@ class Case(Table):
 
     def _check_design(self, design: Design) -> None:
         """Refuse a search that contradicts the other tables of the case."""
+        if self.model is not None:  # its panes are known when its files are read
+            return
         room = self._needed_room("design")
         if design.component is not None:
             design.check_tilt(named_of_kind(self.components, (StructureComponent,)), self.standing)

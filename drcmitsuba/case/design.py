@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.toml import Percent, Side, Table, choose, shortened
+from drcmitsuba.runtime.toml import Name, Percent, Side, Table, choose, shortened
 
 Share = Annotated[float, Field(ge=0, le=1)]
 Tilt = Annotated[float, Field(gt=-90, lt=90)]
@@ -34,6 +34,9 @@ class Design(Table):
     """Clear material; default: the clear material of the façade as it is."""
     side: Side | None = None
     """Side of the room; default: the one side with panes."""
+    panes: Annotated[tuple[Name, ...], Field(max_length=1000)] = ()
+    """Names of the materials of a model's panes that may take the film; `*` stands for any text. By
+    default all clear panes."""
     band: tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(gt=0)]] | None = None
     """Lowest and highest edge of panes [m]; default: the edges of the façade as it is."""
     parameters: Literal["window", "strips"] = "window"
@@ -113,6 +116,9 @@ class Design(Table):
             if name is not None and name not in known:
                 got = f"{shortened(name)} is no such material in [materials]"
                 raise InputError("case", f"design.{key}", got, choose(name, known))
+        if self.panes:
+            got, remedy = "panes of a model, the case has a room of boxes", "name a side"
+            raise InputError("case", "design.panes", got, remedy)
         if self.film == self.clear:
             raise InputError("case", "design.film", "it is the clear one", "name another material")
         if self.band is not None and self.band[1] > height:

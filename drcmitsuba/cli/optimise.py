@@ -45,13 +45,14 @@ def _facade(case: Case, output: Path, stage: Stage) -> None:
     from drcmitsuba.design import pictures
     from drcmitsuba.design.layout import Layout
     from drcmitsuba.design.measure import NAMES
+    from drcmitsuba.design.model_layout import ModelLayout
     from drcmitsuba.design.optimise import optimise as search
     from drcmitsuba.design.optimise import pareto
     from drcmitsuba.report import plots
     from drcmitsuba.runtime import backend
 
-    layout = Layout.of(case)
     backend.select()
+    layout = Layout.of(case) if case.model is None else ModelLayout.of(case)
     problem = layout.problem(layout.year(stage))
     with stage("search") as done:
         optimum = search(problem, layout.search, done, layout.known(problem))
@@ -73,7 +74,7 @@ def _facade(case: Case, output: Path, stage: Stage) -> None:
         if front is not None:
             plots.save(pictures.front(front, chosen=hard), output / "pareto.png")
     finished = front.finished if front is not None else optimum.finished
-    fresh = _afresh(layout.built(optimum), stage, output) if finished else None
+    fresh = _saved(layout.afresh(optimum, stage), output) if finished else None
     areas = {"film": hard.film_area, "panes": hard.window_area}
     _print(optimum, "best façade", fresh, areas)
     print(f"{optimum.evaluations} evaluations with gradients in {optimum.seconds:.1f} s")
@@ -83,6 +84,7 @@ def _facade(case: Case, output: Path, stage: Stage) -> None:
 
 def _tilt(case: Case, output: Path, stage: Stage) -> None:
     """Search the best tilt of lamellae."""
+    from drcmitsuba.annual.result import evaluate
     from drcmitsuba.design import pictures
     from drcmitsuba.design.tilt import TiltProblem
     from drcmitsuba.design.tilt_search import optimise_tilt
@@ -99,7 +101,7 @@ def _tilt(case: Case, output: Path, stage: Stage) -> None:
     with stage("writing"):
         plots.save(pictures.tilts(optimum), output / "tilt.png")
         plots.save(pictures.search(optimum), output / "search.png")
-    fresh = _afresh(problem.afresh(tilt), stage, output) if optimum.finished else None
+    fresh = _saved(evaluate(problem.afresh(tilt), stage), output) if optimum.finished else None
     _print(optimum, "best tilt", fresh, {})
     if indistinct := problem.indistinct(tilt):
         print(f"{len(indistinct)} other tilts may be as good: their intervals overlap")
@@ -113,12 +115,10 @@ def _save_numbers(optimum: Optimum, output: Path) -> None:
     optimum.save(output)
 
 
-def _afresh(case: Case, stage: Stage, output: Path) -> Result:
-    """Evaluate an optimum as a case of its own, and write its metrics."""
-    from drcmitsuba.annual.result import evaluate
+def _saved(fresh: Result, output: Path) -> Result:
+    """Write the metrics of an optimum that was simulated afresh."""
     from drcmitsuba.runtime import storage
 
-    fresh = evaluate(case, stage)
     storage.save_json(fresh.metrics, output / "fresh_metrics.json")
     return fresh
 

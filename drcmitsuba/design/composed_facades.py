@@ -64,6 +64,7 @@ class Facades:
         if isinstance(case.sun, Adaptive):  # its mesh would follow one composition
             case = case.with_tables(sun=TrueSun())
         layout = Layout.of(case)
+        case.refuse_groups("the cheapest change of a façade", layout.side)
         heights = present_facade.heights(layout)
         backend.select()
         return cls(layout, *layout.light(heights, stage=stage))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,7 +10,14 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.annual.simulation import joined_channels
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import OPEN, SHADED, GroupStates
+from drcmitsuba.case.schedule import schedule_of
+from drcmitsuba.design.facade_groups import FacadeGroups
+from drcmitsuba.metrics.facade_states import ShadeRule
+from drcmitsuba.metrics.grids import grid_of_sensors
 from drcmitsuba.scene.materials import shade_covers
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.tiled_facades import TiledFacades
 from drcmitsuba.transport.elements import LightByElement
 
@@ -20,6 +28,8 @@ class Tiles:
 
     bounds: np.ndarray
     """Left, right, bottom and top from the foot of the wall [m], shape (tile, 4)."""
+    names: tuple[str, ...] = ()
+    """Names of tiles that are panes of a model."""
 
     def __len__(self) -> int:
         """Count the tiles."""
@@ -50,15 +60,24 @@ class TiledLight:
     """Shares of the elements of other sides, the shade open, shape (other element,)."""
     is_open: np.ndarray
     """Whether an element may have a share while the shade is open, bool, shape (element,)."""
-    closing: np.ndarray
-    """Matrix (element, element) that turns shares into those with the shade before clear panes."""
+    closings: tuple[np.ndarray, ...]
+    """Matrices (element, element) that turn shares into those of each state but the open one, that
+    of the shade before all that it covers first."""
     channels: tuple[LightByElement, ...]
     """Light of every colour channel; one of a grey case."""
+    groups: FacadeGroups | None = None
+    """Groups of panes that close one by one; None where one shade closes."""
+    place: np.ndarray | None = None
+    """Place of every element in a composition, −1 for one of other panes, int, shape (element,),
+    where `as_drawn` has shares of all elements; None where the searched ones come first."""
+    group: np.ndarray | None = None
+    """Number of every element's group, −1 for none, int, shape (element,); likewise."""
 
     @classmethod
     def of(
-        cls, tiled: TiledFacades, tiles: int, channels: tuple[LightByElement, ...]
-    ) -> TiledLight:
+        cls, tiled: TiledFacades, tiles: int, channels: tuple[LightByElement, ...],
+        groups: FacadeGroups | None = None,
+    ) -> TiledLight:  # fmt: skip
         """Put light to tiles.
 
         Parameters
@@ -69,6 +88,8 @@ class TiledLight:
             Number of tiles of the grid, which come first.
         channels : tuple of LightByElement
             Light of all tiles in every colour channel.
+        groups : FacadeGroups, optional
+            Groups of panes that close one by one, see `groups_of`; by default one shade closes.
         """
         (drawn,) = tiled.drawn
         others = [drawn[g] for g in range(tiles, len(tiled.fills))]
@@ -78,8 +99,10 @@ class TiledLight:
             names=tuple(name for names in tiled.fills for name in names),
             as_drawn=np.concatenate([np.zeros(0, np.float32), *others]),
             is_open=tiled.is_open,
-            closing=_closing(tiled),
+            closings=_closings(tiled, groups),
             channels=channels,
+            groups=groups,
+            group=None if groups is None else _group_of_elements(tiled, groups),
         )
 
     def shares(self, composition: np.ndarray, *, closed: bool = False) -> np.ndarray:
@@ -92,8 +115,12 @@ class TiledLight:
         closed : bool
             Whether the shade stands before all clear panes.
         """
-        shares = np.append(np.asarray(composition, np.float32), self.as_drawn)
-        return shares @ self.closing if closed else shares
+        given = np.asarray(composition, np.float32)
+        if self.place is None:
+            shares = np.append(given, self.as_drawn)
+        else:
+            shares = np.where(self.place < 0, self.as_drawn, given.ravel()[self.place])
+        return shares @ self.closings[0] if closed else shares
 
     def coefficients(self, composition: np.ndarray, *, closed: bool = False) -> xr.Dataset:
         """Coefficients of a composition [sr]; arguments as for `shares`."""
@@ -101,16 +128,61 @@ class TiledLight:
         return joined_channels([light.coefficients(shares) for light in self.channels])
 
 
-def _closing(tiled: TiledFacades) -> np.ndarray:
-    """Matrix of `TiledLight.closing`."""
-    starts = tiled.panes.states.starts
-    matrix = np.eye(starts[-1], dtype=np.float32)
+def groups_of(tiled: TiledFacades, case: Case, time: xr.DataArray) -> FacadeGroups | None:
+    """Groups of panes of a case whose façade is cut into tiles; None where one shade closes.
+
+    Without `[groups]`, those tiles form a group that face one direction and may be clear.
+    """
+    (threshold, area), states = case.shade_rule, prepared(case).groups.states
+    if not case.groups:
+        clear = dict.fromkeys(
+            facing
+            for g, ((facing, *_), names) in enumerate(
+                zip(tiled.panes.facings, tiled.fills, strict=True)
+            )
+            if any(shade_covers(tiled.panes.material(None, g, k)) for k in range(len(names)))
+        )
+        if case.shading is None or case.shading.groups == "together" or len(clear) < 2:
+            return None
+        states = GroupStates((*clear,), ((OPEN, SHADED),) * len(clear))
+    rule = ShadeRule(states, threshold, area, schedule_of(case.groups, states))
+    grid = grid_of_sensors(prepared(case).receivers.coordinates)
+    return FacadeGroups.of(rule, time, grid, case.source)
+
+
+def _places(
+    tiled: TiledFacades, groups: FacadeGroups | None
+) -> Iterator[tuple[int, int, tuple[int, ...]]]:
+    """Yield elements that a group changes, its number, and the element in each further state."""
+    starts, own = tiled.panes.states.starts, tiled.grouped
+    names_of = None if groups is None else groups.rule.groups.names
     for g, (first, names) in enumerate(zip(starts, tiled.fills, strict=False)):
-        if tiled.shade not in names[1:]:
-            continue
         for k in range(len(names)):
-            material = tiled.panes.material(None, g, k)
-            if shade_covers(material):
-                matrix[first + k, first + k] = 0
-                matrix[first + k, first + names.index(tiled.shade, 1)] = 1
-    return matrix
+            if own is not None:
+                if (member := own[g][k]) is not None:
+                    yield first + k, member.group, tuple(first + f for f in member.fills)
+            elif tiled.shade in names[1:] and shade_covers(tiled.panes.material(None, g, k)):
+                number = 0 if names_of is None else names_of.index(tiled.panes.facings[g][0])
+                yield first + k, number, (first + names.index(tiled.shade, 1),)
+
+
+def _closings(tiled: TiledFacades, groups: FacadeGroups | None) -> tuple[np.ndarray, ...]:
+    """Matrices of `TiledLight.closings`."""
+    rows = np.ones((1, 1), int) if groups is None else groups.indices[1:]
+    count, matrices = tiled.panes.states.starts[-1], []
+    for row in rows.tolist():
+        matrix = np.eye(count, dtype=np.float32)
+        for element, group, further in _places(tiled, groups):
+            if row[group]:
+                matrix[element, element] = 0
+                matrix[element, further[row[group] - 1]] = 1
+        matrices.append(matrix)
+    return tuple(matrices)
+
+
+def _group_of_elements(tiled: TiledFacades, groups: FacadeGroups) -> np.ndarray:
+    """Group of every element, −1 for none, int, shape (element,)."""
+    out = np.full(tiled.panes.states.starts[-1], -1)
+    for element, group, _ in _places(tiled, groups):
+        out[element] = group
+    return out

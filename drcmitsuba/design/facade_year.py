@@ -9,12 +9,14 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from drcmitsuba.design.facade_groups import FacadeGroups
 from drcmitsuba.design.facade_tiles import TiledLight, Tiles
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.schema import channel_weights
 from drcmitsuba.sky.daylight import Daylight
-from drcmitsuba.transport.elements.smooth_year import Illuminances, SmoothYear
+from drcmitsuba.transport.elements.smooth_year import SmoothYear
+from drcmitsuba.transport.elements.state_illuminances import Illuminances
 
 
 @dataclass(frozen=True)
@@ -30,17 +32,24 @@ class FacadeYear:
     """Shares of the elements of other sides, the shade open; 1 for light that passes no tile."""
     channels: tuple[tuple[float, SmoothYear], ...]
     """Weight in luminance and year of every colour channel; one of a grey case."""
+    place: mi.Int32 | None = None
+    """Place of every element in a composition, −1 where it is `still`; None where those of the
+    searched façade come first."""
+    groups: FacadeGroups | None = None
+    """Groups of panes that close one by one; None where one shade closes."""
 
     @classmethod
     def of(cls, tiled: TiledLight, daylight: Daylight) -> FacadeYear:
         """Put light by tile under the daylight of a case; errors are those of `SmoothYear.of`."""
         years = [
-            SmoothYear.of(light, daylight, tiled.is_open, tiled.closing) for light in tiled.channels
+            SmoothYear.of(light, daylight, tiled.is_open, tiled.closings, tiled.group)
+            for light in tiled.channels
         ]
         weights = channel_weights(len(years))
         still, names = flat(np.append(tiled.as_drawn, 1)), (*tiled.names, "")
         channels = tuple(zip(weights, years, strict=True))
-        return cls(tiled.tiles, tiled.materials, names, still, channels)
+        place = None if tiled.place is None else mi.Int32(np.append(tiled.place, -1))
+        return cls(tiled.tiles, tiled.materials, names, still, channels, place, tiled.groups)
 
     @property
     def months(self) -> np.ndarray:
@@ -75,7 +84,11 @@ class FacadeYear:
         InputError
             No tile can have a material of `scale`.
         """
-        shares = dr.concat((share.array, self.still))
+        if self.place is None:
+            shares = dr.concat((share.array, self.still))
+        else:
+            at, here = mi.UInt32(dr.maximum(self.place, 0)), self.place >= 0
+            shares = dr.select(here, dr.gather(mi.Float, share.array, at, here), self.still)
         factors = self._factors(scale or {})
         (weight, first), *others = self.channels
         E = first.illuminance(shares, factors).scaled(weight)

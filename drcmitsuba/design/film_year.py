@@ -140,8 +140,8 @@ class FilmYear:
     -----
     Every film reflects light into the room as the case's film does. Other panes, the frame and all
     reflectances are fixed. The shade does not cover films; `state="shaded"` gives the year with the
-    shade closed. Limits: one film in one orientation that nothing shades; grey rooms; no adaptive
-    sun model.
+    shade closed, or all groups of panes in their last state. Limits: one film in one orientation
+    that nothing shades; grey rooms; no components; no adaptive sun model.
     """
 
     bins: FilmBins
@@ -166,7 +166,8 @@ class FilmYear:
             into the room has an effect.
         daylight : Daylight, optional
             Default: the daylight of the case.
-        state : {"open", "shaded"}
+        state : str
+            State of the façade: "open", "shaded", or the states of all groups, see `case.groups`.
         depth : int
             2ᵈᵉᵖᵗʰ outgoing cells along each side of the square; a measured film of this depth or
             a lower one is represented exactly.
@@ -183,7 +184,6 @@ class FilmYear:
             or the adaptive sun model.
         """
         case.refuse_components("the year of a film")
-        case.refuse_groups("the year of a film")
         if isinstance(case.sun, Adaptive):
             raise InputError(case.source, "sun.model", "adaptive", 'take "true_sun"')
         if scene.is_coloured(case):

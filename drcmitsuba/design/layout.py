@@ -8,12 +8,14 @@ from itertools import product
 import numpy as np
 
 from drcmitsuba.annual.chosen_facade import light_of_channels
+from drcmitsuba.annual.result import Result, evaluate
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.design import Design
 from drcmitsuba.case.facade import Facade
+from drcmitsuba.case.groups import Group
 from drcmitsuba.case.sun import Adaptive, TrueSun
 from drcmitsuba.design.facade_maps import Panes, Strips, Window
-from drcmitsuba.design.facade_tiles import TiledLight
+from drcmitsuba.design.facade_tiles import TiledLight, groups_of
 from drcmitsuba.design.facade_year import FacadeYear
 from drcmitsuba.design.optimise import FacadeOptimum, Search
 from drcmitsuba.design.parameters import Factor, Map, Parameter
@@ -25,6 +27,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.runtime.toml import Side, checked
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
+from drcmitsuba.scene.pane_groups import group_of
 from drcmitsuba.scene.tiled_facades import TiledFacades, refuse_structures_in_strips
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.daylight import daylight as daylight_of
@@ -76,10 +79,10 @@ class Layout:
             raise InputError(case.source, "design", "no such table", remedy)
         case.refuse_overruled("the search for a façade")
         refuse_structures_in_strips(case, "evaluate the case, or search its tilt")
-        assert case.room is not None
+        if case.room is None:
+            raise InputError(case.source, "design", "there is no room", "add a [room]")
         assert design.film is not None  # with a component in its place, one stands
         side: Side = design.side or case.glazed[0]
-        case.refuse_groups("the search for a façade", side)
         facade = case.facade.get(side, Facade())
         if facade.frame > 0:
             got = f"frames of {facade.frame:g} m, which the search does not know"
@@ -148,13 +151,18 @@ class Layout:
             channels = light_of_channels(
                 tiled.case, tiled.panes, daylight.suns, case.accuracy, ALL_EFFECTS, done, kept
             )
-        return TiledLight.of(tiled, self.segments * (len(heights) - 1), channels), daylight
+        groups = groups_of(tiled, case, daylight.sky["time"])
+        return TiledLight.of(tiled, self.segments * (len(heights) - 1), channels, groups), daylight
 
     @property
     def search(self) -> Search:
         """Settings of the search."""
         d = self.design
         return Search(d.starts, d.sharpness, d.iterations, d.seed)
+
+    def afresh(self, optimum: FacadeOptimum, stage: Stage = silent) -> Result:
+        """Evaluate an optimum as a case of its own."""
+        return evaluate(self.built(optimum), stage)
 
     def built(self, optimum: FacadeOptimum) -> Case:
         """Case of an optimum, with its transmittances where these were free."""
@@ -167,7 +175,7 @@ class Layout:
             value = float(optimum.values[factor.parameter.key][0])
             table = materials[name].model_dump() | {"transmittance": value}
             materials[name] = checked(type(materials[name]), table, case.source)
-        return case.with_tables(materials=materials)
+        return case.with_tables(materials=materials, groups=_with_panes(case))
 
     def problem(self, year: FacadeYear) -> FacadeProblem:
         """Optimisation problem of a year.
@@ -263,6 +271,13 @@ class Layout:
             start = min(max(now, limits[0]), limits[1])
             factors.append(Factor(str(column), Parameter(key, *limits, start), now))
         return tuple(factors)
+
+
+def _with_panes(case: Case) -> dict[str, Group]:
+    """Groups of a case that have a pane in its façades."""
+    strips = ((s.material, side) for side, f in case.facade.items() for s in f.strips)
+    numbers = {group[0] for name, side in strips if (group := group_of(case, name, side))}
+    return {name: group for i, (name, group) in enumerate(case.groups.items()) if i in numbers}
 
 
 def _transmittances(

@@ -16,9 +16,10 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba import metrics
+from drcmitsuba.design.facade_groups import FacadeGroups
 from drcmitsuba.metrics import smooth
 from drcmitsuba.metrics.intervals.rules import Rules
-from drcmitsuba.transport.elements.smooth_year import Illuminances
+from drcmitsuba.transport.elements.state_illuminances import Illuminances
 
 Aim = Literal["sDA", "worst month"]
 NAMES: Mapping[Aim, str] = {"sDA": "sDA", "worst month": "msDA of the worst month"}
@@ -114,12 +115,18 @@ class Measure:
     rules: Rules
     aim: Aim
     months: np.ndarray
+    groups: FacadeGroups | None = None
+    """Groups of panes that close one by one; None where one shade closes."""
 
     def smooth(self, E: Illuminances, sharpness: float) -> tuple[mi.Float, mi.Float]:
         """Rate illuminances by the smooth twins: aim and ASE [%], with gradients."""
         rules, t, k = self.rules, self.rules.metrics, sharpness
-        closed = smooth.shade_closed(E.direct, rules.shade_threshold, rules.shade_area, sharpness=k)
-        total = smooth.applied(E.open, E.shaded, closed)
+        if self.groups is None:
+            threshold, area = rules.shade_threshold, rules.shade_area
+            closed = smooth.shade_closed(E.direct, threshold, area, sharpness=k)
+            total = smooth.applied(E.open, E.shaded, closed)
+        else:
+            total = self.groups.smooth(E, k)
         if self.aim == "sDA":
             aim = smooth.sda(total, t.sda_threshold, t.sda_fraction, sharpness=k)
         else:
@@ -132,10 +139,14 @@ class Measure:
     def hard(self, E: Illuminances) -> tuple[float, float]:
         """Rate illuminances by `metrics`: aim and ASE [%]."""
         rules, t = self.rules, self.rules.metrics
-        direct, is_open, shaded = (v.numpy() for v in (E.direct, E.open, E.shaded))
-        direct_sun = _dated(direct, self.months)
-        closed = metrics.shade_closed(direct_sun, rules.shade_threshold, rules.shade_area).values
-        total = _dated(np.where(closed[:, None], shaded, is_open), self.months)
+        direct_sun = _dated(E.direct.numpy(), self.months)
+        if self.groups is None:
+            threshold, area = rules.shade_threshold, rules.shade_area
+            closed = metrics.shade_closed(direct_sun, threshold, area).values
+            applied = np.where(closed[:, None], E.shaded.numpy(), E.open.numpy())
+        else:
+            applied = self.groups.applied(E)
+        total = _dated(applied, self.months)
         if self.aim == "sDA":
             aim = metrics.sda(total, t.sda_threshold, t.sda_fraction)
         else:

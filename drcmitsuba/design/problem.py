@@ -32,7 +32,7 @@ from drcmitsuba.design.measure import (
 from drcmitsuba.design.parameters import Factor, Map, Parameter, Values
 from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.transport.elements.smooth_year import Illuminances
+from drcmitsuba.transport.elements.state_illuminances import Illuminances
 
 AREA_TOLERANCE = 2e-3
 """Largest tolerated deviation of the panes' area, as a fraction of the required area."""
@@ -212,12 +212,14 @@ class FacadeProblem(RatedProblem):
     def details(self, candidate: FacadeCandidate) -> dict[str, Any]:
         """Further entries of `optimum.json`: the composition of every tile by material."""
         columns = zip(self.year.materials, candidate.share.T, strict=True)
-        return {"composition": {k: [round(float(v), 5) for v in column] for k, column in columns}}
+        entries = {k: [round(float(v), 5) for v in column] for k, column in columns}
+        names = getattr(self.year.tiles, "names", ())
+        return ({"panes": [*names]} if names else {}) | {"composition": entries}
 
     @cached_property
     def measure(self) -> Measure:
         """Rules by which the year is rated."""
-        return Measure(self.goal.rules, self.goal.aim, self.year.months)
+        return Measure(self.goal.rules, self.goal.aim, self.year.months, self.year.groups)
 
     def _hard(self, E: Illuminances, film: float, window: float) -> FacadeScore:
         """Hard score of illuminances E with areas of film and panes [m²]."""

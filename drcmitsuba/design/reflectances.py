@@ -29,7 +29,7 @@ from drcmitsuba.runtime.toml import choose, shortened
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.materials import channel_of
 from drcmitsuba.sky.daylight import Daylight
-from drcmitsuba.transport.elements.smooth_year import Illuminances
+from drcmitsuba.transport.elements.state_illuminances import Illuminances
 
 BOUNDS = (0.0, 0.95)
 """Least and largest reflectance of a design."""

@@ -27,7 +27,7 @@ from drcmitsuba.standards.quantities import Counted, count, stamps_needed
 from drcmitsuba.standards.standard import Level, Limit, Quantity, Standard
 from drcmitsuba.standards.verdict import Outcome, outcome
 from drcmitsuba.standards.year import OF_LIGHT, StandardYear
-from drcmitsuba.transport.elements.smooth_year import Illuminances
+from drcmitsuba.transport.elements.state_illuminances import Illuminances
 
 ALL_POINTS = 100.0
 """Limit [%] at which the hours of the worst point tell more than the share of the points."""

@@ -50,13 +50,13 @@ from drcmitsuba.metrics.evaluate_metrics import evaluate_metrics, may_close, rul
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, Stage, part, silent
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
-from drcmitsuba.runtime.toml import shortened
+from drcmitsuba.runtime.toml import named_of_kind, shortened
 from drcmitsuba.scene import components
 from drcmitsuba.scene.structures.recipe import Lamellae, load_recipe
 from drcmitsuba.schema import by_luminance, luminance
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.daylight import daylight as daylight_of
-from drcmitsuba.transport.elements.smooth_year import Illuminances
+from drcmitsuba.transport.elements.state_illuminances import Illuminances
 
 
 class TiltGoal(NamedTuple):
@@ -116,6 +116,8 @@ class TiltProblem(RatedProblem):
             raise InputError(case.source, "design", got, remedy)
         case.refuse_overruled("the search for a tilt")
         case.refuse_groups("the search for a tilt")
+        structures = named_of_kind(case.components, (StructureComponent,))
+        design.check_tilt(structures, case.standing)
         component = case.components[design.component]
         assert isinstance(component, StructureComponent)
         structure = load_recipe(component.recipe).structure

@@ -10,6 +10,8 @@ components
     Components that are geometry: structures in strips, light pipes, ducts, meshes.
 pane_groups, panes_in_state
     Panes that change their state together; what they are in a state of the façade.
+fills, tiled_facades, shared_facades
+    Openings and what may stand in them; façades cut into tiles; what variants have in common.
 sun_visibility, enabled_effects
     Suns that can get in; effects that are simulated.
 exits

@@ -13,7 +13,16 @@ from fnmatch import fnmatchcase
 import numpy as np
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.groups import BLOCKED, HIDDEN, OPEN, OTHERS, RESERVED, SHADED, GroupStates
+from drcmitsuba.case.groups import (
+    BLOCKED,
+    HIDDEN,
+    OPEN,
+    OTHERS,
+    RESERVED,
+    SHADED,
+    Group,
+    GroupStates,
+)
 from drcmitsuba.model.materials import (
     DielectricMaterial,
     Lambertian,
@@ -30,6 +39,16 @@ from drcmitsuba.scene.like_panes import (
     like_panes,
     of_no_group,
 )
+
+
+@dataclass(frozen=True)
+class Member:
+    """Place of an opening among the groups of a case."""
+
+    group: int
+    """Number of the group."""
+    fills: tuple[int, ...]
+    """Fill of the opening in each state of the group after the first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +118,16 @@ class PaneGroups:
         """Count the groups."""
         return len(self.states)
 
+    @property
+    def members(self) -> dict[int, Member]:
+        """Groups of openings that have these groups first, in their order, see `scene.fills`."""
+        standing = (
+            (g, states)
+            for g, states in enumerate(self.states.states)
+            if self.facings[g] and self.states.names[g] != OTHERS
+        )
+        return {o: Member(g, (*range(1, len(s)),)) for o, (g, s) in enumerate(standing)}
+
     def strip(self, name: str, side: str) -> int:
         """Group of a strip's panes."""
         return self.of_strip.get((name, side), NO_GROUP)
@@ -121,6 +150,23 @@ class PaneGroups:
             return self.materials[group][index - 1]
         assert layer is not None
         return layer.states[min(index, len(layer.states) - 1)].material
+
+
+def group_of(case: Case, material: str, facing: str) -> tuple[int, tuple[str, ...]] | None:
+    """Group of `[groups]` that panes of a material would belong to, and its further materials.
+
+    Panes of no group give None.
+    """
+    for number, group in enumerate(case.groups.values()):
+        named = any(fnmatchcase(material, pattern) for pattern in group.panes)
+        if named and group.facing in (None, facing):
+            return number, further_materials(case, group)
+    return None
+
+
+def further_materials(case: Case, group: Group) -> tuple[str, ...]:
+    """Names of the materials of a group's states after the first; those of a model have none."""
+    return group.states or (() if case.shading is None else (case.shading.material,))
 
 
 def _by_facing(case: Case) -> PaneGroups:
@@ -198,7 +244,7 @@ def _further_states(
         names = tuple(state.name for state in max(of_layers, key=len)[1:])
         materials: tuple[SurfaceMaterial | None, ...] = ()
     else:
-        names = group.states or (() if case.shading is None else (case.shading.material,))
+        names = further_materials(case, group)
         materials = tuple(case.materials[m] for m in names)
     if not names:
         got = "no other state than open"

@@ -11,14 +11,14 @@ import numpy as np
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.facade import Facade
 from drcmitsuba.case.groups import GroupStates
-from drcmitsuba.model.materials import Lambertian, Reflectance, SurfaceMaterial
+from drcmitsuba.model.materials import Lambertian, SurfaceMaterial
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import Side, shortened
 from drcmitsuba.scene.facade_rectangles import FRAME, between, rectangles_of
 from drcmitsuba.scene.fills import HOLE, WALL
 from drcmitsuba.scene.geometry import SIDES, rectangles_on
 from drcmitsuba.scene.materials import shade_covers
-from drcmitsuba.scene.pane_groups import PaneGroups, TiledSide
+from drcmitsuba.scene.pane_groups import Member, PaneGroups, TiledSide, group_of
 
 
 class _Tile(NamedTuple):
@@ -49,6 +49,11 @@ class TiledFacades:
     """Material of the shade."""
     drawn: tuple[dict[int, np.ndarray], ...]
     """Shares (fill,) of every tile in each variant, the shade open."""
+    members: tuple[dict[int, Member], ...]
+    """Groups of `[groups]` that tiles belong to as drawn in each variant, by tile."""
+    grouped: tuple[tuple[Member | None, ...], ...] | None
+    """Group that each tile belongs to with each of its fills, by the first case; None where it has
+    no `[groups]`."""
 
     @classmethod
     def of_variants(cls, cases: Sequence[Case]) -> TiledFacades:
@@ -137,9 +142,10 @@ class TiledFacades:
 
         fills, kinds = [], []
         for tile in tiles:
-            names = list(dict.fromkeys(tile.fills))
+            names = [*dict.fromkeys((*tile.fills, *_of_groups(cases, tile)))]
             is_clear = any(shade_covers(material(name, tile.side)) for name in names)
-            if shade is not None and is_clear and shade not in names[1:]:
+            grouped = any(case.groups for case in cases)
+            if shade is not None and is_clear and shade not in names[1:] and not grouped:
                 names.append(shade)
             fills.append(tuple(names))
             kinds.append([material(name, tile.side) for name in names])
@@ -179,7 +185,44 @@ class TiledFacades:
             is_open=np.array([name in tile.fills for tile, names in each for name in names]),
             shade=shade,
             drawn=drawn,
+            grouped=_grouped(first, tiles, fills) if first.groups else None,
+            members=tuple(
+                _members(case, tiles, fills, row) for case, row in zip(cases, rows, strict=True)
+            ),
         )
+
+
+def _of_groups(cases: Sequence[Case], tile: _Tile) -> list[str]:
+    """Materials that a tile takes by the groups of its fills in any case."""
+    found = (group_of(case, name, tile.side) for case in cases for name in tile.fills)
+    return [material for group in found if group is not None for material in group[1]]
+
+
+def _members(
+    case: Case, tiles: Sequence[_Tile], fills: Sequence[tuple[str, ...]], drawn: Sequence[str]
+) -> dict[int, Member]:
+    """Groups of a case's tiles with the fills that stand in them as drawn."""
+    each = enumerate(zip(tiles, fills, drawn, strict=True))
+    found = {g: _member(case, tile, names, fill) for g, (tile, names, fill) in each}
+    return {g: member for g, member in found.items() if member is not None}
+
+
+def _grouped(
+    case: Case, tiles: Sequence[_Tile], fills: Sequence[tuple[str, ...]]
+) -> tuple[tuple[Member | None, ...], ...]:
+    """Groups of tiles with each of the fills that may stand in them while everything is open."""
+    return tuple(
+        tuple(_member(case, tile, names, fill) if fill in tile.fills else None for fill in names)
+        for tile, names in zip(tiles, fills, strict=True)
+    )
+
+
+def _member(case: Case, tile: _Tile, names: tuple[str, ...], fill: str) -> Member | None:
+    """Group of a tile with a fill, one of its `names`."""
+    if (group := group_of(case, fill, tile.side)) is None:
+        return None
+    number, materials = group
+    return Member(number, tuple(map(names.index, materials)))
 
 
 def _tiles(cases: Sequence[Case], side: Side) -> tuple[list[_Tile], np.ndarray]:
@@ -197,35 +240,6 @@ def _tiles(cases: Sequence[Case], side: Side) -> tuple[list[_Tile], np.ndarray]:
         for k, kind in enumerate(kinds)
     ]
     return made, rectangles[~varies]
-
-
-_MAY_DIFFER = {"name", "facade", "materials", "design", "views"}
-"""Tables of which the year of a variant takes nothing, or its own."""
-
-
-def refuse_unlike(cases: Sequence[Case]) -> None:
-    """Refuse variants that differ in more than their façades, or that tiles cannot hold."""
-    first = cases[0]
-    materials = dict(first.materials)
-    frames: dict[Side, Reflectance] = {}
-    for case in cases:
-        if case.groups:
-            remedy = "leave them out, or evaluate each case"
-            raise InputError(case.source, "groups", "groups of panes in variants", remedy)
-        for field in type(first).model_fields:
-            if field not in _MAY_DIFFER and getattr(case, field) != getattr(first, field):
-                remedy = f"variants share all but their façades: take [{field}] of {first.source}"
-                raise InputError(case.source, field, "differs from the first case's", remedy)
-        for name, material in case.materials.items():
-            if materials.setdefault(name, material) != material:
-                got = "another variant has another material of this name"
-                raise InputError(case.source, f"materials.{name}", got, "give it another name")
-        refuse_structures_in_strips(case, "evaluate each case")
-        for side, facade in case.facade.items():
-            if frames.setdefault(side, facade.frame_reflectance) != facade.frame_reflectance:
-                field = f"facade.{side}.frame_reflectance"
-                got = "differs from that of another variant"
-                raise InputError(case.source, field, got, "make them agree")
 
 
 def refuse_structures_in_strips(case: Case, remedy: str) -> None:

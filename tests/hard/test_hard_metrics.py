@@ -26,7 +26,7 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import daylight
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.elements.smooth_year import Illuminances
+from drcmitsuba.transport.elements.state_illuminances import Illuminances
 from tests.synthetic_year import SyntheticYear, Tiles
 from tests.unit.design.test_design_film import irradiance_of
 

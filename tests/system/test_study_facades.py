@@ -2,6 +2,7 @@
 
 import pytest
 
+import drcmitsuba
 from drcmitsuba import load_case
 from drcmitsuba.annual import study_facades
 from drcmitsuba.annual.study import study
@@ -125,6 +126,34 @@ def test_a_name_stands_for_one_material(cases):
         assert one.materials[name] == case.materials["glass"]
         assert one.shading == cases[0].shading
         assert one.metrics == cases[0].metrics
+
+
+GROUP = '[groups.south]\npanes = ["gl*"]\nstates = ["shade", "opal"]\n'
+OPAL = '[materials.opal]\ntype = "diffuser"\ntransmittance = 0.4\n'
+
+
+def test_rows_with_groups_are_what_each_is_alone(tmp_path):
+    (tmp_path / "case.toml").write_text(TEXT + OPAL + GROUP)
+    (tmp_path / "study.toml").write_text(f"""
+case = "case.toml"
+[grid]
+"facade.south.strips.0.top" = {TOPS}
+"materials.opal.transmittance" = [0.3, 0.6]
+""")
+    plan = load_study(tmp_path / "study.toml")
+    cases = [plan.case_of(row) for row in plan.each()]
+    (whole,) = together((i, case, "sky") for i, case in enumerate(cases))
+    assert len(whole) == 6
+    made = alike(cases)
+    assert [case.groups["south"].states[1] for case in made] == ["opal", "opal 2"] * 3
+    metrics = FacadesJob(cases, [0, 5]).make(lambda share: None)
+    for number, ours in metrics.items():
+        theirs = drcmitsuba.evaluate(cases[number]).metrics
+        for name in ("sDA", "ASE", "shade_closed"):
+            assert ours[name]["low"] <= theirs[name]["high"]
+            assert theirs[name]["low"] <= ours[name]["high"]
+        assert ours["groups"].keys() == theirs["groups"].keys() == {"south"}
+        assert ours["groups"]["south"]["opal"] == theirs["groups"]["south"]["opal"] > 0
 
 
 def test_rows_share_a_simulation_where_one_holds_them(cases):

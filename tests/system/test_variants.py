@@ -66,7 +66,20 @@ strips = [{ bottom = 0.9, top = 2.7, material = "glass" }]
 """
 
 
-@pytest.mark.parametrize("more", ["", EAST], ids=["one side", "two sides"])
+GROUPS = """[groups.south]
+panes = ["glass"]
+facing = "south"
+states = ["fabric", "shade"]
+[groups.east]
+panes = ["glass"]
+facing = "east"
+states = ["shade"]
+"""
+
+
+@pytest.mark.parametrize(
+    "more", ["", EAST, EAST + GROUPS], ids=["one side", "two sides", "groups of panes"]
+)
 def test_variants_are_what_each_is_alone(run, tmp_path, same, more):
     for name, strips in (("clear", CLEAR), ("fabric", FABRIC)):
         text = ROOM.format(name=name, strips=strips, more=more)

@@ -29,7 +29,8 @@ class SettingResult:
     ----------
     total, total_open, direct_sun : np.ndarray, shape (time, sensor)
         Illuminance with the shade applied, with it open, and by direct sun [lx].
-    closed : np.ndarray of bool, shape (time,)
+    state : np.ndarray of int, shape (time,)
+        Number of the state of the façade; 0 is the open one.
     seconds : float
         Seconds of the whole period, without start-up and writing.
     memory : int
@@ -39,7 +40,7 @@ class SettingResult:
     total: np.ndarray
     total_open: np.ndarray
     direct_sun: np.ndarray
-    closed: np.ndarray
+    state: np.ndarray
     seconds: float
     memory: int
 
@@ -87,7 +88,7 @@ class Errors:
         Errors of the mean E [%], of sDA and of ASE [points].
     direct_sun, shade : Estimate
         Shares of the sensor-hours on the wrong side of the threshold of ASE, and of the hours with
-        the shade in the wrong state [%].
+        the façade in the wrong state [%].
     """
 
     square: Estimate
@@ -152,7 +153,7 @@ class Yardstick:
     @cached_property
     def _rounds(self) -> np.ndarray:
         """E with the shade applied, shape (round, time, sensor) [lx]."""
-        return self.reference.rounds(self.reference.closed)
+        return self.reference.rounds(self.reference.state)
 
     @cached_property
     def mean(self) -> Estimate:
@@ -188,20 +189,22 @@ class Yardstick:
     def errors(self, setting: SettingResult, *, same_sensors: bool) -> Errors:
         """Compare an evaluation at all sensors of its grid with the reference, hour by hour.
 
-        E is compared in the same state of the shade: open where either has it open. Hours with
+        E is compared in the same state of the façade: open where the two differ. Hours with
         different states count in `shade` and sDA; in E a single one would outweigh all else. If the
         sensors are not those of the reference's grid, only sDA, ASE and shade are compared.
         """
         ref, mean = self.reference, self.mean
-        shade = Estimate(100 * float((setting.closed != ref.closed).mean()))
+        known = ref.state >= 0
+        differ = (setting.state != ref.state)[known]
+        shade = Estimate(100 * float(differ.mean()) if known.any() else 0.0)
         ase = Estimate(self._ase(setting.direct_sun) - self.ase)
         if not same_sensors:
             sda = Estimate(self._sda(setting.total) - self.sda.value, self.sda.error)
             return Errors(UNKNOWN, UNKNOWN, sda, ase, UNKNOWN, shade)
         at = ref.sensors
-        both = (setting.closed & ref.closed)[:, None]
+        both = ref.both(setting.state)[:, None]
         E = np.where(both, setting.total[:, at], setting.total_open[:, at])
-        d = (E - ref.rounds(setting.closed)).reshape(self.count, -1) / mean.value
+        d = (E - ref.rounds(setting.state)).reshape(self.count, -1) / mean.value
         products = d @ d.T / d.shape[1]
         limit = self.thresholds.ase_threshold
         wrong = (setting.direct_sun >= limit) != (ref.direct_sun >= limit)

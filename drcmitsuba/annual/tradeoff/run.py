@@ -15,7 +15,9 @@ import numpy as np
 
 from drcmitsuba.annual.result import evaluate
 from drcmitsuba.annual.tradeoff.errors import Row, SettingResult, Yardstick
-from drcmitsuba.annual.tradeoff.reference import some_hours, trace_reference
+from drcmitsuba.annual.tradeoff.finer_samples import is_called_for, sample_reference
+from drcmitsuba.annual.tradeoff.path_tracing import trace_reference
+from drcmitsuba.annual.tradeoff.reference import illuminances, number_of_states, some_hours
 from drcmitsuba.annual.tradeoff.settings import Setting, default, design
 from drcmitsuba.annual.tradeoff.table import Tradeoff
 from drcmitsuba.case.case import Case
@@ -25,7 +27,6 @@ from drcmitsuba.runtime import backend, process
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.scene.prepared_case import prepared
-from drcmitsuba.schema import luminance
 from drcmitsuba.sky.daylight import daylight
 
 SHARE_OF_REFERENCE = 0.5
@@ -47,12 +48,8 @@ def evaluate_setting(case: Case, times: np.ndarray) -> SettingResult:
         dr.flush_malloc_cache()
         result = evaluate(case)
     E = result.illuminance.sel(time=times)
-    total, total_open, direct = (
-        luminance(E[name]).transpose("time", "sensor").values
-        for name in ("total", "total_open", "direct_sun")
-    )
     return SettingResult(
-        total, total_open, direct, E["shade_closed"].values.astype(bool),
+        *illuminances(E), number_of_states(case, E),
         sum(result.metrics["seconds"].values()), int(result.metrics["peak_memory_bytes"]),
     )  # fmt: skip
 
@@ -81,7 +78,7 @@ def tradeoff(
     """Measure what accuracy costs in time, for one case.
 
     The case is evaluated with one setting at a time changed from the default, and with a few
-    together; every result is compared with an unbiased reference on some of the hours.
+    together; every result is compared with a reference on some of the hours.
 
     Parameters
     ----------
@@ -116,8 +113,7 @@ def tradeoff(
     if not 0 < minutes < 1e6:
         raise InputError("tradeoff", "minutes", f"{minutes:g}", "give minutes above 0")
     case = case.without_polish()
-    case.refuse_components("the reference of tradeoff")
-    case.refuse_groups("the reference of tradeoff")
+    case.refuse_overruled("the reference of tradeoff")
     start = time.monotonic()
     until, deadline = (start + 60 * minutes * share for share in (SHARE_OF_REFERENCE, 1))
     backend.select()
@@ -131,7 +127,8 @@ def tradeoff(
         settings = design(case, Path(folder), solved_cells=planned.scope.solved_cells)
         announce(announcement(len(settings), seconds, minutes))
         with stage("reference") as progress:
-            job = partial(trace_reference, case, times, until)
+            made = sample_reference if is_called_for(case) else trace_reference
+            job = partial(made, case, times, until)
             share = (deadline - time.monotonic()) / max(until - time.monotonic(), 1e-3)
             try:
                 reference = process.run(job, deadline, lambda t: progress(min(t * share, 1.0)))
@@ -160,12 +157,17 @@ def tradeoff(
 def _row(
     case: Case, setting: Setting, times: np.ndarray, yardstick: Yardstick, deadline: float
 ) -> Row:
-    """Evaluate one setting and compare it with the reference; a failure only marks its row."""
+    """Evaluate one setting and compare it with the reference; a failure only marks its row.
+
+    So does a setting that the case cannot have, such as an adaptive sun beside a component.
+    """
     try:
         result = process.run(partial(evaluate_setting, setting.case, times), deadline)
     except TimeoutError:
         return Row(setting.name, setting.varied)
     except process.JobError as failure:
         return Row(setting.name, setting.varied, status=f"failed: {failure}")
+    except InputError as error:
+        return Row(setting.name, setting.varied, status=f"not for this case: {error.got}")
     errors = yardstick.errors(result, same_sensors=setting.case.sensors == case.sensors)
     return Row(setting.name, setting.varied, "done", errors, result.seconds, result.memory)

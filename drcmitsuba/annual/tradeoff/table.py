@@ -216,6 +216,7 @@ class Tradeoff:
             "setting": "reference",
             "varied": "reference",
             "status": "done",
+            "method": self.yardstick.reference.method,
             "E_rms_percent": self.yardstick.own_rms,
             "E_mean_se": 100 * mean.error / mean.value,
             "seconds": round(self.yardstick.reference.seconds, 3),
@@ -227,13 +228,13 @@ class Tradeoff:
         yardstick, ref = self.yardstick, self.yardstick.reference
         mean, sda = yardstick.mean, yardstick.sda
         return [
-            f"Reference: unbiased path tracing, {ref.paths} paths from each of {len(ref.sensors)} "
-            f"sensors in {yardstick.count} rounds, {ref.seconds:.0f} s; its own error is "
+            f"Reference: {ref.method}, in {yardstick.count} rounds, {ref.seconds:.0f} s; its own "
+            "error is "
             f"{yardstick.own_rms:.1f} % RMS and {100 * mean.error / mean.value:.2f} % of the mean, "
             f"{mean.value:.0f} lx. "
             "Its noise is subtracted from the errors; '<' is an upper bound (95 %).",
             f"Errors compare {len(ref.times)} of {self.year} time stamps, E in the same state of "
-            f"the shade. The reference's sDA ({sda.value:.1f} ± {1.96 * sda.error:.1f} %) and ASE "
+            f"the façade. The reference's sDA ({sda.value:.1f} ± {1.96 * sda.error:.1f} %) and ASE "
             f"({yardstick.ase:.1f} %) count these hours, by the rules of the year.",
             "Seconds count the whole period, without start-up and compilation.",
             *self._doubts(),

@@ -14,8 +14,9 @@ light, simulate
     Coefficients of every element, of which any façade is recombined.
 illuminance
     A year of known shares, of which no coefficients are kept.
-smooth_year
-    The smooth twin of a year of known light, whose derivatives by the shares are exact.
+state_illuminances, smooth_year
+    E of a period in every state of a façade; the smooth twin of a year of known light, whose
+    derivatives by the shares are exact.
 """
 
 from drcmitsuba.transport.elements.illuminance import illuminance

@@ -23,29 +23,12 @@ from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.luminances import blended
 from drcmitsuba.transport.elements.light import ElementLight, LightByElement
 from drcmitsuba.transport.elements.marked_light import MarkedLight
+from drcmitsuba.transport.elements.state_illuminances import Illuminances
 
 Rows = tuple[Any, ...]
 """Arrays (mi.Float) of equal length, one for each element."""
 AT_ONCE = 64
 """Number of arrays that one kernel reads."""
-
-
-class Illuminances(NamedTuple):
-    """Illuminance of a period, tensors (time, sensor) [lx]."""
-
-    open: mi.TensorXf
-    shaded: mi.TensorXf
-    """E with the shade open, and with the shade before all that it covers."""
-    direct: mi.TensorXf
-    """E by straight sun, the shade open."""
-
-    def scaled(self, factor: float) -> Illuminances:
-        """Illuminance times a factor."""
-        return self if factor == 1 else Illuminances(*(E * factor for E in self))
-
-    def plus(self, other: Illuminances) -> Illuminances:
-        """Illuminance and that of another channel."""
-        return Illuminances(*(a + b for a, b in zip(self, other, strict=True)))
 
 
 def mixed(arrays: Rows, weights: mi.Float) -> mi.Float:
@@ -82,18 +65,20 @@ class SmoothYear:
     """Duration of a time step [h]."""
     shape: tuple[int, int, int]
     """Numbers of bins, blocks and sensors."""
-    closing: mi.TensorXf
-    """Matrix (element + 1, element + 1) that turns shares into those with the shade closed."""
+    closings: tuple[mi.TensorXf, ...]
+    """Matrices (element + 1, element + 1) that turn shares into those of each further state."""
     besides: tuple[mi.Float, mi.Float, mi.Float]
     """C, block means of D, and C by straight light, of light that passes no opening."""
     same: _Part
-    """Elements whose shares the shade does not change."""
+    """Elements whose shares no state changes."""
     opened: _Part
-    """The others that may have a share while the shade is open."""
-    closed: _Part | None
-    """The others that may have a share while it is closed; None without a shade."""
+    """The others that may have a share while everything is open."""
+    closed: tuple[_Part, ...]
+    """The others that may have a share in each further state; none without a shade."""
     straight: tuple[np.ndarray, Rows]
     """Elements that straight light passes and the coefficients of each, flat (bin, sensor) [sr]."""
+    groups: tuple[np.ndarray, ...]
+    """Among these, those of each group of panes where there are several, int, shape (some,)."""
     returned: tuple[mi.UInt32, mi.UInt32, tuple[mi.UInt32, ...], mi.Float]
     """Sensor, block, elements and weight of paths that met openings; the number of all elements
     stands for none."""
@@ -104,8 +89,9 @@ class SmoothYear:
 
     @classmethod
     def of(
-        cls, light: LightByElement, daylight: Daylight, is_open: np.ndarray, closing: np.ndarray
-    ) -> SmoothYear:
+        cls, light: LightByElement, daylight: Daylight, is_open: np.ndarray,
+        closings: Sequence[np.ndarray], group: np.ndarray | None = None,
+    ) -> SmoothYear:  # fmt: skip
         """Put light by element under the daylight of a case.
 
         Parameters
@@ -114,10 +100,12 @@ class SmoothYear:
             Its light between surfaces is followed on paths, not solved on cells.
         daylight : Daylight
         is_open : np.ndarray of bool, shape (element,)
-            Whether an element may have a share while the shade is open.
-        closing : np.ndarray, shape (element, element)
-            Matrix that turns shares into those with the shade before all that it covers; 0 on the
-            diagonal of what it covers.
+            Whether an element may have a share while everything is open.
+        closings : sequence of np.ndarray, shape (element, element)
+            Matrices that turn shares into those of each further state, that of the shade before
+            all that it covers first; 0 on the diagonal of what is covered.
+        group : np.ndarray of int, shape (element,), optional
+            Number of every element's group of panes, −1 for none, where there are several.
 
         Raises
         ------
@@ -127,15 +115,21 @@ class SmoothYear:
         _check_sky(light, daylight)
         bins, elements, sky = _lit(light), light.elements, daylight.sky
         suns = _suns(daylight, light.labels, bins)
-        covered = (closing.diagonal() == 0) & is_open
-        shade = (closing[covered] > 0).any(axis=0)
-        moves = covered | shade
+        covered = [(closing.diagonal() == 0) & is_open for closing in closings]
+        shades = [(m[some] > 0).any(axis=0) for m, some in zip(closings, covered, strict=True)]
+        moves = np.any([*covered, *shades], axis=0)
+        known: dict[tuple[str, int], mi.Float] = {}
         no_opening = np.diag(np.append(np.zeros(len(elements), np.float32), 1))
 
         def part(mask: np.ndarray) -> _Part:
             at = np.flatnonzero(mask & [element.gives_light for element in elements])
-            some = [elements[e] for e in at]
-            return _Part(at, *(_rows(some, name, bins) for name in ("total", "blocks")))
+            for name in ("total", "blocks"):
+                new = [e for e in at.tolist() if (name, e) not in known]
+                rows = _rows([elements[e] for e in new], name, bins)
+                known.update(zip(((name, e) for e in new), rows, strict=True))
+            return _Part(
+                at, *(tuple(known[n, e] for e in at.tolist()) for n in ("total", "blocks"))
+            )
 
         lit = [element.is_lit["straight"] for element in elements]
         passed = np.flatnonzero(lit & is_open)
@@ -146,12 +140,23 @@ class SmoothYear:
             months=sky["clock"].dt.month.values,
             step_hours=daylight.step_hours,
             shape=(len(bins), light.besides.blocks.shape[2], len(light.positions)),
-            closing=mi.TensorXf(np.pad(closing, (0, 1)) + no_opening),
+            closings=tuple(mi.TensorXf(np.pad(m, (0, 1)) + no_opening) for m in closings),
             besides=(total, blocks, straight),
             same=part(is_open & ~moves),
             opened=part(is_open & moves),
-            closed=part(shade) if moves.any() else None,
+            # Of what some other state covers, shares may stay in this one.
+            closed=tuple(
+                part(some | (is_open & moves & (m.diagonal() > 0)))
+                for some, m in zip(shades, closings, strict=True)
+            )
+            if moves.any()
+            else (),
             straight=(passed, _rows([elements[e] for e in passed], "straight", bins)),
+            groups=()
+            if group is None
+            else tuple(
+                np.flatnonzero(group[passed] == g) for g in range(group.max(initial=-1) + 1)
+            ),
             returned=_returned(light),
             sky=mi.TensorXf(sky["sky"].values.astype(np.float32)),
             suns=suns,
@@ -173,34 +178,40 @@ class SmoothYear:
         Illuminances
             E [lx].
         """
-        is_open, shaded, straight = self.coefficients(shares, factors)
-        E = self._accumulated(is_open)
-        E_shaded = E if self.closed is None else self._accumulated(shaded)
-        direct = self._by_sun(straight)
-        dr.eval(E, E_shaded, direct)  # else each metric would compute them again
-        return Illuminances(E, E_shaded, direct)
+        E, *behind = map(self._accumulated, self.coefficients(shares, factors))
+        shaded, *others = behind or [E] * len(self.closings) or [E]
+        by_group = tuple(map(self._by_sun, self._straight_by_group(shares * factors)))
+        direct = self._by_sun(self.straight_coefficients(shares * factors))
+        dr.eval(E, shaded, *others, direct, *by_group)  # else each metric would compute them again
+        return Illuminances(E, shaded, direct, tuple(others), by_group)
 
-    def coefficients(
-        self, shares: mi.Float, factors: mi.Float
-    ) -> tuple[mi.Float, mi.Float, mi.Float]:
-        """Coefficients by shares of elements; parameters as for `illuminance`.
+    def coefficients(self, shares: mi.Float, factors: mi.Float) -> tuple[mi.Float, ...]:
+        """C of the open state and of every further one, flat (bin, sensor) [sr].
 
-        Returns
-        -------
-        open, shaded, straight : mi.Float
-            C with the shade open, C with it closed, and the straight part of the first, flat
-            (bin, sensor) [sr].
+        Parameters are those of `illuminance`.
         """
-        total, blocks, straight = self.besides
-        same = self._sum(self.same, shares * factors, (total, blocks))
+        same = self._sum(self.same, shares * factors, self.besides[:2])
         lit = self._sum(self.opened, shares * factors, same)
-        C = C_shaded = self._with_returned(shares, *lit)
-        if self.closed is not None:
-            behind = (mi.TensorXf(shares, (1, dr.width(shares))) @ self.closing).array
-            lit = self._sum(self.closed, behind * factors, same)
-            C_shaded = self._with_returned(behind, *lit)
+        states = [self._with_returned(shares, *lit)]
+        for closing, part in zip(self.closings, self.closed, strict=False):
+            behind = (mi.TensorXf(shares, (1, dr.width(shares))) @ closing).array
+            lit = self._sum(part, behind * factors, same)
+            states.append(self._with_returned(behind, *lit))
+        return tuple(states)
+
+    def straight_coefficients(self, weights: mi.Float) -> mi.Float:
+        """C by straight light of elements with `weights`, flat (bin, sensor) [sr]."""
         passed, rows = self.straight
-        return C, C_shaded, straight + mixed(rows, _taken(shares * factors, passed))
+        return self.besides[2] + mixed(rows, _taken(weights, passed))
+
+    def _straight_by_group(self, weights: mi.Float) -> list[mi.Float]:
+        """Likewise, of the elements of each group of panes."""
+        passed, rows = self.straight
+        nothing = dr.zeros(mi.Float, dr.width(self.besides[2]))
+        return [
+            nothing + mixed(tuple(rows[i] for i in some), _taken(weights, passed[some]))
+            for some in self.groups
+        ]
 
     def _sum(
         self, part: _Part, weights: mi.Float, more: tuple[mi.Float, mi.Float]

@@ -26,7 +26,7 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.standards import Refusal, read, verdict
 from drcmitsuba.standards.standard import Limit
-from drcmitsuba.transport.elements.smooth_year import Illuminances
+from drcmitsuba.transport.elements.state_illuminances import Illuminances
 from tests.synthetic_year import SyntheticYear, Tiles
 
 CASE = """

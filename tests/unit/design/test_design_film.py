@@ -215,7 +215,15 @@ CASES = {
         ),
         "open",
     ),
-}
+    "groups": (
+        (
+            ('[shading]\nmaterial = "shade"\n',
+             '[groups.south]\npanes = ["glass"]\nstates = ["opal", "shade"]\n'
+             '[materials.opal]\ntype = "diffuser"\ntransmittance = 0.4\n'),
+        ),
+        "opal/open",
+    ),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -406,7 +414,7 @@ def test_leaves_and_mixes_at_their_ends(bins):
                     "[materials.glass]",
                 ),
             ),
-            "knows one shade for all panes",
+            "other things shade or light from the room",
         ),
         ((("corner = [1.0, 1.5, 0.7]", "corner = [1.0, -1.5, 0.7]"),), "other things shade"),
         ((("[period]", '[sun]\nmodel = "adaptive"\n[period]'),), "true_sun"),

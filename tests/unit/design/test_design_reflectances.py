@@ -155,7 +155,7 @@ def gradient(interior, rho, function=mean_of):
 def precise_mean_of(interior, rho):
     """The same, its sums in float64."""
     E = interior.illuminance(rho)
-    sums = [part.numpy().astype(float).ravel() for part in E]
+    sums = [part.numpy().astype(float).ravel() for part in (E.open, E.shaded, E.direct)]
     weight = 1 + np.arange(len(sums[0])) / len(sums[0])
     return (sums[0] * weight).mean() + 3 * (sums[1] * weight).mean()
 

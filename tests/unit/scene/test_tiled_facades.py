@@ -6,8 +6,9 @@ import pytest
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.facade_rectangles import FRAME, fill_at
 from drcmitsuba.scene.panes_in_state import grouped_panes
+from drcmitsuba.scene.shared_facades import refuse_unlike
 from drcmitsuba.scene.surfaces import surfaces_of
-from drcmitsuba.scene.tiled_facades import TiledFacades, refuse_unlike
+from drcmitsuba.scene.tiled_facades import TiledFacades
 from tests.tiled_room import MATERIALS, MIXED, PLAIN, room
 
 

@@ -1,0 +1,53 @@
+"""References of a trade-off beside an evaluation: groups by path tracing, components by photons."""
+
+import time
+
+import numpy as np
+import pytest
+
+import drcmitsuba
+from drcmitsuba.annual.tradeoff.errors import Yardstick
+from drcmitsuba.annual.tradeoff.finer_samples import is_called_for, sample_reference
+from drcmitsuba.annual.tradeoff.path_tracing import trace_reference
+from drcmitsuba.annual.tradeoff.reference import number_of, rule_of, some_hours
+from drcmitsuba.annual.tradeoff.run import evaluate_setting
+from drcmitsuba.runtime import backend
+from drcmitsuba.sky.daylight import daylight
+from tests.system.every_room import BOXES, MODELS, write_models
+
+CASES = BOXES | MODELS
+SECONDS = 25.0
+
+
+def case_of(folder, name):
+    write_models(folder)
+    text = CASES[name].replace("replicates = 2\npaths = 16", "replicates = 6\npaths = 256")
+    (folder / "case.toml").write_text(text)
+    return drcmitsuba.load_case(folder / "case.toml")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", ["groups", "component", "groups and component", "Radiance model with groups"]
+)
+def test_references_are_evaluations_without_their_errors(tmp_path, name):
+    backend.select()
+    case = case_of(tmp_path, name)
+    times = daylight(case).sky["time"].values
+    times = times[some_hours(times)]
+    assert is_called_for(case) == ("component" in name)
+    trace = sample_reference if is_called_for(case) else trace_reference
+    reference = trace(case, times, time.monotonic() + SECONDS)
+    assert len(np.unique(reference.state)) > 1
+    yardstick = Yardstick(reference, case.metrics, 1.0, 1.0)
+    errors = yardstick.errors(evaluate_setting(case, times), same_sensors=True)
+    assert yardstick.own_rms < 3
+    assert errors.rms < 4
+    assert abs(errors.mean.value) < 4 * errors.mean.error + 0.3  # of the evaluation itself
+    assert errors.shade.value == 0
+
+
+def test_states_have_numbers(tmp_path):
+    rule = rule_of(case_of(tmp_path, "groups"))
+    indices = np.array([[0, 0], [2, 0], [0, 1], [1, 1]])
+    assert number_of(rule.groups, indices).tolist() == [0, 2, 3, 4]
