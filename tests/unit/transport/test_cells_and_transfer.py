@@ -91,7 +91,7 @@ def test_solved_cells_and_paths_agree(same):
 
 
 def test_blocks_keep_the_light_of_a_corridor_where_it_falls():
-    """Light between a sunlit end and a dark one is that of T solved cell by cell, place by place."""
+    """Light between a sunlit end and a dark one is that of T solved cell by cell, by place."""
     room = {"size": [2.0, 16.0, 3.0], "floor": 0.2, "walls": 0.5, "ceiling": 0.8}
     sensors = {"corner": [0.25, 0.5, 0.8], "count": [3, 31], "spacing": 0.5}
     case = Case.model_validate(CASE | {"room": room, "furniture": [], "sensors": sensors})
