@@ -66,8 +66,9 @@ MANY = 1 << 12
 """Number of possible cells beyond which their number asks for no more paths."""
 LAST = 1 / 32
 """Share of the cells below which those that the second round finds send no rays in turn."""
-STEPS = 1
-"""Number of last bounces before the sensor that are followed cell by cell."""
+STEPS = 2
+"""Number of last bounces before the sensor that are followed cell by cell: with one, eyes that
+look into a deep room's dark end see it 0.6 % too bright."""
 AMONG_FURNITURE = 3
 """Number of them where light varies within a block, since something stands in the room."""
 SPARSE = 8

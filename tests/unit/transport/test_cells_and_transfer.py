@@ -6,6 +6,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
+from scipy import sparse
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
@@ -87,6 +88,30 @@ def test_solved_cells_and_paths_agree(same):
     for bins in (slice(0, 1), slice(1, 146), slice(146, None)):
         mine, theirs = (C[..., bins].sum(axis=2) for C in (cells, paths))
         same(mine, other=theirs, within=0.02)
+
+
+def test_blocks_keep_the_light_of_a_corridor_where_it_falls():
+    """Light between a sunlit end and a dark one is that of T solved cell by cell, by place."""
+    room = {"size": [2.0, 16.0, 3.0], "floor": 0.2, "walls": 0.5, "ceiling": 0.8}
+    sensors = {"corner": [0.25, 0.5, 0.8], "count": [3, 31], "spacing": 0.5}
+    case = Case.model_validate(CASE | {"room": room, "furniture": [], "sensors": sensors})
+    world = scene.load(case, effects=EnabledEffects(solved_cells=True))
+    points, accuracy = sensor_points(case), Accuracy()
+    seen = Gathered.of(world, *points, accuracy, block=len(points[0]), lanes=1 << 16, once=True)
+    seen, transfer = solved(world, seen, accuracy)
+    mine, whole = [], []
+    for r in range(accuracy.replicates):
+        at = seen.drawn.of(range(r, r + 1)).p.numpy().reshape(-1, 3)
+        lit = ((at[:, 1] < 3) & (at[:, 2] < 0.1)).astype(np.float32)
+        light = transfer.indirect(range(r, r + 1), mi.TensorXf(lit[:, None])).numpy()[:, 0]
+        all_bounces = sparse.identity(transfer.cells, format="csc") - transfer.matrix(r).tocsc()
+        exact = sparse.linalg.spsolve(all_bounces, lit) - lit
+        part = (at[:, 1] // 2).astype(int)
+        mine.append(np.bincount(part, light))
+        whole.append(np.bincount(part, exact))
+    off = np.sum(mine, axis=0) / np.sum(whole, axis=0) - 1
+    assert np.abs(off).max() < 0.015
+    assert np.sqrt((off**2).mean()) < 0.01
 
 
 def test_launches_of_any_size_give_the_same_coefficients(monkeypatch):

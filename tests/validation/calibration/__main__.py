@@ -24,8 +24,9 @@ def table(rooms: dict[str, list[Coverage]], seeds: int) -> str:
 Intervals of single sensors and eyes against the path tracer `coefficient`, {seeds} seeds a room, on
 {today} ({platform.machine()}, variant `{mi.variant()}`), by quarters of brightness. An entry is the
 sky's interreflected light or that of one of thirty suns at one sensor, or DGP of one view at one
-hour. *Held* is the share of 95 % intervals that hold the path tracer's value, *bias* the mean of
-all seeds over it, *stated* the median standard error of one entry of one seed.
+hour. *Held* is the share of 95 % intervals that hold the path tracer's value, with its standard
+error over the seeds (entries of a seed share their noise, most of all those of an eye), *bias* the
+mean of all seeds over it, *stated* the median standard error of one entry of one seed.
 `python -m tests.validation.calibration` writes this page; `tests/validation/calibration` says how
 the figures come about."""
     heads = "| room | light | | darkest | second | third | brightest |"
@@ -33,7 +34,7 @@ the figures come about."""
     for name, rows in rooms.items():
         for light in dict.fromkeys(row.light for row in rows):
             mine = [row for row in rows if row.light == light]
-            held = " | ".join(f"{row.covered:.1%}" for row in mine)
+            held = " | ".join(f"{row.covered:.1%} ± {row.covered_error:.1%}" for row in mine)
             bias = " | ".join(f"{row.bias:+.1%} ± {row.bias_error:.1%}" for row in mine)
             stated = " | ".join(f"{row.stated:.1%}" for row in mine)
             lines += [f"| {name} | {light} | held | {held} |", f"| | | bias | {bias} |"]

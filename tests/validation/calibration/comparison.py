@@ -28,8 +28,8 @@ from tests.validation.calibration.rooms import WIDE, Room
 
 CHUNKS = 16
 """Number of independent runs of the path tracer."""
-AT_EYES = 8
-"""Factor of paths from an eye, of which there are fewer."""
+AT_EYES = 32
+"""Factor of paths from an eye, whose own error is smaller."""
 FAINT = 1e-3
 EFFECTS = EnabledEffects(solved_cells=True, pane_to_pane=False)
 PATCHES, BINS = slice(1, 146), 146
@@ -51,6 +51,8 @@ class Coverage:
     """Standard error of the bias."""
     covered: float
     """Share of entries whose interval holds the truth."""
+    covered_error: float
+    """Standard error of that share over the seeds: entries of one seed share their noise."""
     stated: float
     """Median standard error over the truth."""
 
@@ -183,9 +185,11 @@ def quarter(light: str, number: int, ours: np.ndarray, theirs: np.ndarray) -> Co
     factor = student.isf(0.025, replicates - 1)
     held = np.abs(value - mean) <= factor * np.hypot(stated, error)
     lit = mean > FAINT * mean.max()
+    share = held[:, lit].mean(axis=1)
     sums, whole = value.sum(axis=(1, 2)), theirs.sum(axis=(1, 2))
     noise = np.hypot(sums.std(ddof=1) / np.sqrt(len(sums)), whole.std(ddof=1) / np.sqrt(len(whole)))
     return Coverage(
         light, number, float(sums.mean() / whole.mean() - 1), float(noise / whole.mean()),
-        float(held[:, lit].mean()), float(np.median((stated / mean)[:, lit])),
+        float(share.mean()), float(share.std(ddof=1) / np.sqrt(len(share))),
+        float(np.median((stated / mean)[:, lit])),
     )  # fmt: skip

@@ -187,7 +187,7 @@ ROOMS: dict[str, Callable[[], Room]] = {
     "white": lambda: Room(box([5.0, 6.0, 2.8], (0.8, 0.6), floor=0.8, walls=0.9, ceiling=0.9)),
     "slats": lambda: Room(slats()),
     "roof light and partition": lambda: Room(
-        roof_light(), pane_to_pane=True, size=(3.0, 7.0, 3.0), eye=(0.5, 0.7, 0.4)
+        roof_light(), WIDE, 1 << 12, pane_to_pane=True, size=(3.0, 7.0, 3.0), eye=(0.5, 0.7, 0.4)
     ),
     "film": lambda: Room(film(PRISM)),
     "panel": lambda: Room(film(PANEL)),
