@@ -2,7 +2,10 @@
 
 import numpy as np
 import pytest
+from drcmitsuba_plugins.sampling import disk_solid_angle
 
+from drcmitsuba.glare_year.chains import Chains
+from drcmitsuba.glare_year.suns import images
 from drcmitsuba.model.materials import GlazingMaterial, Lambertian, MirrorMaterial
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.flat_arrays import flat
@@ -222,3 +225,31 @@ def test_photons_leave_out_what_images_count():
         [mirror("m", MIRROR, SOUTH_GLASS), mirror("r", rough, other)], ports=(Port("m", port),)
     )
     assert [ports.name for ports in ComponentPorts.of(both)] == ["m"]
+
+
+@pytest.mark.parametrize("aside", [-0.5, 0.0, 0.5])
+def test_an_edge_behind_a_pane_cuts_the_disk_where_it_stands(aside):
+    """Visible share of a disk that a level edge crosses, `aside` radii from its middle.
+
+    The eye looks up through a pane at 60°, past the edge, into a mirror in the north.
+    """
+    image = np.array([0.0, np.cos(np.pi / 3), np.sin(np.pi / 3)])
+    angle = np.pi / 3 + aside * np.radians(DIAMETER / 2)
+    edge = 1.02 * NORTH + 1.02 * np.tan(angle) * UP
+    screen = quad(edge - 5 * EAST - 5 * UP, 10 * EAST, 5 * UP)
+    wall = quad(10 * NORTH - 100 * EAST - 100 * UP, 200 * EAST, 200 * UP)
+    pane = quad(NORTH - 9 * EAST - 9 * UP, 18 * EAST, 18 * UP)
+    clear = GlazingMaterial(type="glazing", transmittance=TAU)
+    scene = build(
+        [
+            Surface("pane", clear, pane[None]), Surface("screen", Lambertian(0.0), screen[None]),
+            mirror("mirror", MIRROR, wall),
+        ]
+    )  # fmt: skip
+    sun = (image * [1, -1, 1])[None]
+    place = np.zeros(3)
+    seen = images(Chains(scene), place, np.zeros(0, int), sun, DIAMETER, 0)
+    mirrored = seen.solid_angle[seen.direction[:, 1] > 0]
+    share = mirrored.sum() / disk_solid_angle(DIAMETER)
+    right = (np.arccos(aside) - aside * np.sqrt(1 - aside**2)) / np.pi
+    assert share == pytest.approx(right, abs=5e-3)
