@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from drcmitsuba_plugins.sampling import disk_solid_angle
 
+from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.glare_year.chains import Chains
 from drcmitsuba.glare_year.suns import images
 from drcmitsuba.model.materials import GlazingMaterial, Lambertian, MirrorMaterial
@@ -11,6 +12,8 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene.geometry import Surface, quad
 from drcmitsuba.scene.scene import build
+from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport import coefficients
 from drcmitsuba.transport.mirrors.image_suns import ImageSuns
 from tests.radiance import glass
 
@@ -149,6 +152,20 @@ def test_the_outline_of_a_mirror_cuts_the_image_of_the_sun():
         D = by_suns(images_of(mirror("m", MIRROR, part)), POINT, NORTH, sun)
         want = 0.8 * OMEGA * 0.8 * share
         assert D[0] == pytest.approx(want, rel=0.04, abs=1e-12)
+
+
+def test_a_single_sensor_knows_half_of_an_image_to_a_few_percent():
+    """Few sensors and eyes draw many directions on each image; 576 draw one in a replicate."""
+    sun = np.array([[0.0, -0.8, 0.6]])
+    rises = 0.6 / 0.8 * 0.5
+    part = quad(-50 * EAST + rises * UP, 50 * UP, 100 * EAST)
+    scene = build([mirror("m", MIRROR, part)])
+    accuracy = Accuracy().of_points(1)
+    suns = Suns(("sun",), sun, DIAMETER)
+    C = coefficients.compute(scene, POINT, NORTH[None], suns, accuracy).sel(bin="sun")
+    share = C["replicates"].values[:, 0] / (0.8 * OMEGA * 0.8)
+    assert share.mean() == pytest.approx(0.5, abs=0.01)
+    assert 0 < share.std(ddof=1) / np.sqrt(len(share)) < 0.015
 
 
 def test_two_mirrors_in_turn_multiply_their_reflectances():
