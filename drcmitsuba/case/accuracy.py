@@ -12,7 +12,10 @@ from drcmitsuba.runtime.toml import Table, shortened
 
 POINTS = 576
 """Number of points that the defaults are made for: the classroom's sensors."""
-MOST_TIMES = {"paths": 16, "cell_paths": 2, "pane_points": 8, "sensor_sky_rays": 2}
+MOST_TIMES = {
+    "paths": 16, "cell_paths": 2, "pane_points": 8, "sensor_sky_rays": 2,
+    "mirrored_sun_samples": 32,
+}  # fmt: skip
 """Largest factors of samples where points are few: beyond these the error comes from elsewhere."""
 
 
@@ -73,6 +76,9 @@ class Accuracy(Table):
     sensor_sun_samples: Annotated[int, Field(ge=1, le=1 << 10)] = 8
     """Deposit D: number of directions from a sensor to a sun that a shadow's edge crosses; other
     suns take an eighth of it, cells one."""
+    mirrored_sun_samples: Annotated[int, Field(ge=1, le=1 << 10)] = 1
+    """Deposit D: number of directions from a sensor to a sun in a planar mirror; an eighth of
+    `sensor_sun_samples` where that is more."""
     pane_points: Annotated[int, Field(ge=1, le=1 << 16)] = 64
     """Deposit D: number of points on the scattering panes for each sensor or cell."""
     film_sky_samples: Annotated[int, Field(ge=1, le=1 << 16)] = 256

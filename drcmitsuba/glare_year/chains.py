@@ -40,7 +40,7 @@ from drcmitsuba.model.materials import (
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene.materials import bsdf, channel_of
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.mirrors.image_suns import ImageSuns
+from drcmitsuba.transport.mirrors.image_suns import OFFSET, ImageSuns
 from drcmitsuba.transport.mirrors.mirror_planes import MOST_IN_TURN
 from drcmitsuba.transport.rays import bsdf_lookup
 
@@ -51,8 +51,6 @@ LEAST_WEIGHT = 1e-5
 STRAIGHT, TURNED, SCATTERED = 0, MOST_IN_TURN + 1, MOST_IN_TURN + 2
 """Ways of a ray: without a turn, by smooth mirrors and clear solids, by a rough mirror as well.
 Numbers between are those of the planar mirrors in turn, whose images of suns are exact."""
-OFFSET = 1e-4
-"""Distance at which a ray goes on behind a surface, over its largest coordinate plus 1 m [–]."""
 
 
 class Ends(NamedTuple):

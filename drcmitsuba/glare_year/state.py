@@ -214,7 +214,7 @@ def _of_surfaces(
     bins = len(light.suns.labels) + sky.sizes["bin"]
     rays = min(SKY_RAYS, case.accuracy.sensor_sky_rays)
     directions = min(SUN_SAMPLES, case.accuracy.sensor_sun_samples)
-    fewer = {"sensor_sky_rays": rays, "sensor_sun_samples": directions}
+    fewer = {"sensor_sky_rays": rays, "sensor_sun_samples": directions, "mirrored_sun_samples": 1}
     accuracy = case.accuracy.model_copy(update=fewer)
     coarser = case.with_tables(accuracy=accuracy)
     step = max(64, COEFFICIENTS // bins)

@@ -131,7 +131,7 @@ class Deposit:
         disks = self.disks(p, n, places, within) if disks is None else disks
         with self.scene.ray_counter.purpose(Stream.SENSORS.name, Draw.SUN.name):
             sun = disks.by_replicate(replicates, sun_samples)
-        fewer = max(1, sun_samples // FEWER)
+        fewer = max(self.accuracy.mirrored_sun_samples, sun_samples // FEWER)
         mirrored = self._mirrored_suns(every_p, every_n, key, fewer, numbers, every_within)
         return Irradiance(sky, sun if mirrored is None else sun + mirrored)
 

@@ -36,6 +36,8 @@ Through = Callable[..., Any]
 """Function that gives the share of light that reaches points from directions, as `straight`."""
 Accepts = Callable[..., Any]
 """Function that gives the share of light that counts at points, by cosines of the incidence."""
+TOGETHER = 8
+"""Largest number of directions on a disk that one kernel follows; more take several launches."""
 RIM = 8
 """Directions around a disk's edge: they detect any straight edge that leaves or takes 1.5 %."""
 
@@ -232,33 +234,40 @@ def _by_pairs(
         centre = dr.gather(mi.Vector3f, directions, sun, active)
         number = dr.gather(mi.UInt32, numbers, row)
         place = dr.gather(mi.UInt32, places, sun, active)
-        drawn = _drawn(centre, diameter, number, place, samples, seed, rim)
         total = mi.Float(0)
-        for d in drawn:
-            cosine = dr.dot(n, d)
-            lit = active & (cosine > 0)
-            if openings is not None:
-                lit &= openings.passed(row, p, d)
-            tau = reaching(scene, p, d, lit)
-            if accepts is not None:
-                tau *= accepts(row, cosine, tau > 0)
-            total += dr.select(tau > 0, tau * cosine, 0)
-        return total * (disk_solid_angle(diameter) / len(drawn))
+        for first in range(0, 1 if rim is not None else samples, TOGETHER):
+            count = min(TOGETHER, samples - first)
+            for d in _drawn(centre, diameter, number, place, first, count, seed, rim):
+                cosine = dr.dot(n, d)
+                lit = active & (cosine > 0)
+                if openings is not None:
+                    lit &= openings.passed(row, p, d)
+                tau = reaching(scene, p, d, lit)
+                if accepts is not None:
+                    tau *= accepts(row, cosine, tau > 0)
+                total += dr.select(tau > 0, tau * cosine, 0)
+            if samples > TOGETHER:
+                dr.eval(total)
+        return total * (disk_solid_angle(diameter) / (samples if rim is None else 1))
 
     return of
 
 
 def _drawn(
-    centre: mi.Vector3f, diameter: float, number: mi.UInt32, place: mi.UInt32, samples: int,
-    seed: int, rim: int | None,
+    centre: mi.Vector3f, diameter: float, number: mi.UInt32, place: mi.UInt32, first: int,
+    count: int, seed: int, rim: int | None,
 ) -> list[mi.Vector3f]:  # fmt: skip
-    """Directions drawn from disks by the seeds of points and suns, or one of `RIM` on the edge."""
+    """Directions drawn from disks by the seeds of points and suns, or one of `RIM` on the edge.
+
+    `first` is the number of the first of them in the even sequence of the disk.
+    """
     if rim is not None:  # the directions on the edge are turned at random together
         turn = mi.Float(random_bits(number, seed, place)[0] >> 8) * TO_UNIT
         s, c = dr.sincos(2 * dr.pi / RIM * (turn + dr.opaque(mi.Float, rim)))
         return [from_disk(centre, diameter, 0.99 * mi.Point2f(c, s))]
     shifts = random_bits(number, seed, place)
-    uv = (shifted_point(mi.UInt32(i), shifts) for i in range(samples))
+    start = dr.opaque(mi.UInt32, first) if first else mi.UInt32(0)
+    uv = (shifted_point(start + i, shifts) for i in range(count))
     return [sample_disk(centre, diameter, each) for each in uv]
 
 

@@ -2,12 +2,18 @@
 
 import numpy as np
 import pytest
+from drcmitsuba_plugins.sampling import disk_solid_angle
 
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.glare_year.chains import Chains
+from drcmitsuba.glare_year.suns import images
 from drcmitsuba.model.materials import GlazingMaterial, Lambertian, MirrorMaterial
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene.geometry import Surface, quad
 from drcmitsuba.scene.scene import build
+from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport import coefficients
 from drcmitsuba.transport.mirrors.image_suns import ImageSuns
 from tests.radiance import glass
 
@@ -148,6 +154,20 @@ def test_the_outline_of_a_mirror_cuts_the_image_of_the_sun():
         assert D[0] == pytest.approx(want, rel=0.04, abs=1e-12)
 
 
+def test_a_single_sensor_knows_half_of_an_image_to_a_few_percent():
+    """Few sensors and eyes draw many directions on each image; 576 draw one in a replicate."""
+    sun = np.array([[0.0, -0.8, 0.6]])
+    rises = 0.6 / 0.8 * 0.5
+    part = quad(-50 * EAST + rises * UP, 50 * UP, 100 * EAST)
+    scene = build([mirror("m", MIRROR, part)])
+    accuracy = Accuracy().of_points(1)
+    suns = Suns(("sun",), sun, DIAMETER)
+    C = coefficients.compute(scene, POINT, NORTH[None], suns, accuracy).sel(bin="sun")
+    share = C["replicates"].values[:, 0] / (0.8 * OMEGA * 0.8)
+    assert share.mean() == pytest.approx(0.5, abs=0.01)
+    assert 0 < share.std(ddof=1) / np.sqrt(len(share)) < 0.015
+
+
 def test_two_mirrors_in_turn_multiply_their_reflectances():
     """In a corner of mirrors a sun has three images, whatever the order of the mirrors."""
     corner = quad(3 * EAST - 100 * NORTH - 100 * UP, 200 * UP, 200 * NORTH)
@@ -222,3 +242,31 @@ def test_photons_leave_out_what_images_count():
         [mirror("m", MIRROR, SOUTH_GLASS), mirror("r", rough, other)], ports=(Port("m", port),)
     )
     assert [ports.name for ports in ComponentPorts.of(both)] == ["m"]
+
+
+@pytest.mark.parametrize("aside", [-0.5, 0.0, 0.5])
+def test_an_edge_behind_a_pane_cuts_the_disk_where_it_stands(aside):
+    """Visible share of a disk that a level edge crosses, `aside` radii from its middle.
+
+    The eye looks up through a pane at 60°, past the edge, into a mirror in the north.
+    """
+    image = np.array([0.0, np.cos(np.pi / 3), np.sin(np.pi / 3)])
+    angle = np.pi / 3 + aside * np.radians(DIAMETER / 2)
+    edge = 1.02 * NORTH + 1.02 * np.tan(angle) * UP
+    screen = quad(edge - 5 * EAST - 5 * UP, 10 * EAST, 5 * UP)
+    wall = quad(10 * NORTH - 100 * EAST - 100 * UP, 200 * EAST, 200 * UP)
+    pane = quad(NORTH - 9 * EAST - 9 * UP, 18 * EAST, 18 * UP)
+    clear = GlazingMaterial(type="glazing", transmittance=TAU)
+    scene = build(
+        [
+            Surface("pane", clear, pane[None]), Surface("screen", Lambertian(0.0), screen[None]),
+            mirror("mirror", MIRROR, wall),
+        ]
+    )  # fmt: skip
+    sun = (image * [1, -1, 1])[None]
+    place = np.zeros(3)
+    seen = images(Chains(scene), place, np.zeros(0, int), sun, DIAMETER, 0)
+    mirrored = seen.solid_angle[seen.direction[:, 1] > 0]
+    share = mirrored.sum() / disk_solid_angle(DIAMETER)
+    right = (np.arccos(aside) - aside * np.sqrt(1 - aside**2)) / np.pi
+    assert share == pytest.approx(right, abs=5e-3)

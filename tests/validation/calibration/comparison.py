@@ -28,8 +28,8 @@ from tests.validation.calibration.rooms import WIDE, Room
 
 CHUNKS = 16
 """Number of independent runs of the path tracer."""
-AT_EYES = 32
-"""Factor of paths from an eye, whose own error is smaller."""
+AT_EYES = 1 << 16
+"""Number of paths from an eye in each run of the path tracer: its own error is smaller."""
 FAINT = 1e-3
 EFFECTS = EnabledEffects(solved_cells=True, pane_to_pane=False)
 PATCHES, BINS = slice(1, 146), 146
@@ -143,7 +143,7 @@ def of_eyes(room: Room, seeds: int) -> list[Coverage]:
         case = room.case.with_tables(period=period, outside=outside)
         light, looking, rule = daylight(case), eyes(case, room.places), Rule()
         C = by_paths(
-            room, light.suns, looking.points, looking.forward, room.paths * AT_EYES
+            room, light.suns, looking.points, looking.forward, AT_EYES
         ).sum(axis=1)  # fmt: skip
         weights = np.array(list(LUMINANCE_WEIGHTS.values())) if C.shape[1] > 1 else np.ones(1)
         by_bin = light.sky["sky"].transpose("time", "bin").values

@@ -193,7 +193,10 @@ ROOMS: dict[str, Callable[[], Room]] = {
     "panel": lambda: Room(film(PANEL)),
     "lamellae": lambda: Room(lamellae(), WIDE, 1 << 13),
     "mirror opposite": lambda: Room(
-        mirror_opposite(), images=(mirror_opposite(True), SILVER.reflectance), size=(5.0, 6.0, 3.0)
+        mirror_opposite(),
+        paths=1 << 13,
+        images=(mirror_opposite(True), SILVER.reflectance),
+        size=(5.0, 6.0, 3.0),
     ),
     "coloured": lambda: Room(box([5.0, 6.0, 3.0], (0.8, 0.6), **COLOURS)),
 }
