@@ -33,7 +33,7 @@ def caption(case: Case, illuminance: xr.Dataset, numbers: Mapping[str, Any]) -> 
 def place_and_period(case: Case, illuminance: xr.Dataset, numbers: Mapping[str, Any]) -> str:
     """Weather file, place, months, days and hours of an evaluation; arguments as for `caption`."""
     weather = numbers.get("settings", {}).get("weather_source", "")
-    parts = [Path(weather).name] if weather else []
+    parts = [Path(str(weather)).name] if weather else []
     if {"latitude", "longitude"} <= set(illuminance.attrs):
         parts.append(place_text(illuminance.attrs["latitude"], illuminance.attrs["longitude"]))
     where = ", ".join(parts)

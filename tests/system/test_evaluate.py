@@ -52,7 +52,7 @@ def test_metrics_json_holds_what_is_promised(small):
     _, folder = small
     numbers = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
     yearly, monthly = {"sDA", "ASE", "shade_closed"}, {"msDA", "MSE", "shade_closed_monthly"}
-    others = {"undecided", "settings", "seconds", "peak_memory_bytes"}
+    others = {"undecided", "spaces", "building", "settings", "seconds", "peak_memory_bytes"}
     assert set(numbers) == yearly | monthly | others
     assert all(bounds_are_fair(numbers[name]) for name in yearly)
     for name in monthly:
@@ -255,7 +255,7 @@ def test_the_chain_of_verbs_gives_the_numbers_of_evaluate(
     annual = ("sDA", "ASE", "shade_closed")
     monthly = ("msDA", "MSE", "shade_closed_monthly")
     # Only replicates tell which sensors are undecided.
-    assert set(numbers) == {*annual, *monthly, "settings"}
+    assert set(numbers) == {*annual, *monthly, "spaces", "building", "settings"}
     for name in annual:
         ours, theirs = result.metrics[name], numbers[name]
         assert theirs["value"] == ours["value"]

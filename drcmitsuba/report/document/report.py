@@ -223,8 +223,8 @@ def _numbers(facade: EvaluatedFacade) -> Iterator[list[Any]]:
         for month, number in enumerate(facade.numbers[metric], start=1):
             if number is not None:
                 yield ["", month, metric, *(number[key] for key in keys), "%"]
-    told = facade.numbers.get("spaces", [])
-    parts = {space["name"]: space for space in told} if len(told) > 1 else {}
+    told = tables.told_rows(facade.numbers, "spaces")
+    parts = {space.get("name", ""): space for space in told} if len(told) > 1 else {}
     for name, numbers in (parts or facade.numbers.get("grids", {})).items():
         for metric in ("sDA", "ASE"):
             yield [_inert(text(name)), "", metric, *(numbers[metric][key] for key in keys), "%"]

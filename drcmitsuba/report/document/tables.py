@@ -21,6 +21,8 @@ from drcmitsuba.report.document.table import (
     text,
 )
 
+ENDS = ("value", "low", "high")
+"""Numbers of a share."""
 MOST_GRIDS = 40
 """Largest number of spaces of a façade in the table."""
 MOST_NAMES = 12
@@ -145,11 +147,11 @@ def spaces(facade: EvaluatedFacade, name: str) -> PageTable | None:
     the building by area; of its grids where it tells no spaces apart, and None without grids.
     """
     t, grids = labels(), facade.numbers.get("grids", {})
-    told = facade.numbers.get("spaces", [])
-    if len(told) > 1:
-        building = {"name": t["by_area"], **facade.numbers["building"]}
+    told, whole = told_rows(facade.numbers, "spaces"), told_rows(facade.numbers, "building")
+    if len(told) > 1 and whole:
+        building = {**whole[0], "name": t["by_area"]}
         worst = sorted(told, key=lambda space: space["sDA"]["value"])
-        rooms = worst[:MOST_GRIDS] + [*facade.numbers.get("storeys", []), building]
+        rooms = [*worst[:MOST_GRIDS], *told_rows(facade.numbers, "storeys"), building]
         columns = ("space", "use", "storey", "floor_area", "point_count", "sDA", "ASE")
         left = len(told) - MOST_GRIDS
         note = t["more_spaces"].format(count=left) if left > 0 else ""
@@ -164,6 +166,24 @@ def spaces(facade: EvaluatedFacade, name: str) -> PageTable | None:
     left = len(grids) - MOST_GRIDS
     note = t["more_spaces"].format(count=left) if left > 0 else ""
     return PageTable(name, (t["space"], t["point_count"], t["sDA"], t["ASE"]), tuple(rows), note)
+
+
+def told_rows(numbers: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
+    """Spaces, storeys, or the building of `metrics.json`; none where the file was damaged."""
+    told = numbers.get(key)
+    rows: list[Any] = told if isinstance(told, list) else [told]
+    return rows if all(map(_is_row, rows)) else []
+
+
+def _is_row(row: object) -> bool:
+    """Whether an entry has an area, a number of sensors, and shares with their intervals."""
+    if not isinstance(row, dict):
+        return False
+    shares = [row.get(name) for name in ("sDA", "ASE")]
+    ends = [each.get(end) for each in shares if isinstance(each, dict) for end in ENDS]
+    numbers = [row.get("floor_area"), row.get("sensors"), *ends]
+    is_named = all(isinstance(row.get(key, ""), str) for key in ("name", "use", "storey"))
+    return is_named and len(numbers) == 8 and all(isinstance(n, int | float) for n in numbers)
 
 
 def _space(space: Mapping[str, Any]) -> tuple[Cell, ...]:
