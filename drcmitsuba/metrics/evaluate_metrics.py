@@ -215,7 +215,7 @@ def summarise(illuminance: xr.Dataset, rules: Rules, draws: Draws | None = None)
             name: of(sensors, None if draws is None else draws.grids[name])
             for name, sensors in grids.items()
         }
-    return numbers | by_space(illuminance, draws, of)
+    return numbers | by_space(numbers, illuminance, draws, of)
 
 
 def _shares_of_states(illuminance: xr.Dataset, rules: Rules) -> dict[str, dict[str, float]]:

@@ -28,13 +28,24 @@ def sensors_by_grid(illuminance: xr.Dataset | xr.DataArray) -> dict[str, np.ndar
     InputError
         There are more than 2000 grids.
     """
-    if "grid" not in illuminance.coords:
-        return {}
-    named = np.array([*map(str, illuminance["grid"].values)], dtype=object)
-    number, names = pd.factorize(named)
-    if len(names) > MOST_GRIDS:
-        got = f"{len(names)} grids"
+    grids = sensors_by_name(illuminance, "grid")
+    if len(grids) > MOST_GRIDS:
+        got = f"{len(grids)} grids"
         raise InputError("illuminance", "grid", got, f"give at most {MOST_GRIDS}")
+    return grids
+
+
+def sensors_by_name(
+    illuminance: xr.Dataset | xr.DataArray, coordinate: str
+) -> dict[str, np.ndarray]:
+    """Indices of the sensors of each name in a coordinate (sensor,), in the order of the first.
+
+    It is empty where there is no such coordinate.
+    """
+    if coordinate not in illuminance.coords:
+        return {}
+    named = np.array([*map(str, illuminance[coordinate].values)], dtype=object)
+    number, names = pd.factorize(named)
     order = np.argsort(number, kind="stable")
     parts = np.split(order, np.searchsorted(number[order], np.arange(1, len(names))))
     return dict(zip(names.tolist(), parts, strict=True))

@@ -90,7 +90,7 @@ class CountedYear:
 
         if grids := sensors_by_grid(self.counts):
             numbers["grids"] = {name: of(s, self.draws.grids[name]) for name, s in grids.items()}
-        return numbers | by_space(self.counts, self.draws, of)
+        return numbers | by_space(numbers, self.counts, self.draws, of)
 
     @property
     def _stamps(self) -> np.ndarray:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from drcmitsuba.metrics.grids import sensors_by_grid
+from drcmitsuba.metrics.grids import sensors_by_grid, sensors_by_name
 from drcmitsuba.metrics.intervals import DrawnShares, Draws
 from drcmitsuba.runtime.errors import InputError
 
@@ -52,25 +52,26 @@ def sensors_by_space(illuminance: xr.Dataset | xr.DataArray) -> tuple[SensorsOfS
         The attribute is no list of spaces.
     """
     try:
-        known = json.loads(str(illuminance.attrs.get("spaces", "[]")))
-        told = [(s["name"], s["use"], s["storey"], float(s["floor_area"])) for s in known]
+        table = json.loads(str(illuminance.attrs.get("spaces", "[]")))
+        told = [(str(s["name"]), s["use"], s["storey"], float(s["floor_area"])) for s in table]
     except (ValueError, TypeError, KeyError, RecursionError) as error:
         remedy = "compute the illuminance anew"
         raise InputError("illuminance", "spaces", f"{error}"[:120], remedy) from None
     if len(told) == 1:
         return (SensorsOfSpace(*told[0], np.arange(illuminance.sizes["sensor"])),)
-    if not told or "space" not in illuminance.coords:
-        return ()
-    names = illuminance["space"].values.astype(str)
-    spaces = (SensorsOfSpace(*each, np.flatnonzero(names == str(each[0]))) for each in told)
-    return tuple(space for space in spaces if len(space.sensors))
+    known = sensors_by_name(illuminance, "space")
+    return tuple(SensorsOfSpace(*each, known[each[0]]) for each in told if each[0] in known)
 
 
-def by_space(illuminance: xr.Dataset, draws: Draws | None, numbers_of: NumbersOf) -> dict[str, Any]:
+def by_space(
+    numbers: Mapping[str, Any], illuminance: xr.Dataset, draws: Draws | None, numbers_of: NumbersOf
+) -> dict[str, Any]:
     """Metrics of every space, storey, and of the building.
 
     Parameters
     ----------
+    numbers : mapping
+        Metrics of all sensors, and those of the `grids`, where there are several.
     illuminance : xr.Dataset
         Array that `sensors_by_space` knows.
     draws : Draws, optional
@@ -86,17 +87,28 @@ def by_space(illuminance: xr.Dataset, draws: Draws | None, numbers_of: NumbersOf
         the draws, so that the intervals know how their errors go together. Empty where there are no
         spaces.
     """
-    spaces = sensors_by_space(illuminance)
+    spaces, grids = sensors_by_space(illuminance), sensors_by_grid(illuminance)
     if not spaces:
         return {}
-    drawn = [None if draws is None else _drawn(draws, illuminance, s.sensors) for s in spaces]
-    rows = [
-        {
-            "name": s.name, "use": s.use, "storey": s.storey, "floor_area": round(s.floor_area, 3),
-            **numbers_of(s.sensors, its),
-        }
-        for s, its in zip(spaces, drawn, strict=True)
-    ]  # fmt: skip
+    of_sensor = np.full(illuminance.sizes["sensor"], -1)
+    for k, space in enumerate(spaces):
+        of_sensor[space.sensors] = k
+    own: list[list[str]] = [[] for _ in spaces]
+    for name, sensors in grids.items():  # which no space cuts
+        if (k := of_sensor[sensors[0]]) >= 0:
+            own[k].append(name)
+    drawn = [_drawn(draws, {name: len(grids[name]) for name in names}) for names in own]
+    rows = []
+    for space, names, its in zip(spaces, own, drawn, strict=True):
+        if len(names) == 1:
+            known = numbers["grids"][names[0]]
+        elif len(space.sensors) == len(of_sensor):
+            every = {name: numbers[name] for name in (*ANNUAL, *MONTHLY)}
+            known = {"sensors": len(of_sensor), **every}
+        else:
+            known = numbers_of(space.sensors, its)
+        words = {"name": space.name, "use": space.use, "storey": space.storey}
+        rows.append({**words, "floor_area": round(space.floor_area, 3), **known})
     storeys = dict.fromkeys(space.storey for space in spaces)
     out: dict[str, Any] = {"spaces": rows}
     if len(storeys) > 1:
@@ -107,14 +119,11 @@ def by_space(illuminance: xr.Dataset, draws: Draws | None, numbers_of: NumbersOf
     return out | {"building": _mean(rows, drawn, [True] * len(spaces))}
 
 
-def _drawn(draws: Draws, illuminance: xr.Dataset, sensors: np.ndarray) -> DrawnShares:
-    """Draws of the sensors of a space, which grids do not leave."""
-    grids = sensors_by_grid(illuminance)
-    if not grids:
+def _drawn(draws: Draws | None, grids: Mapping[str, int]) -> DrawnShares | None:
+    """Draws of grids with so many sensors each; those of all sensors where there is no grid."""
+    if draws is None or not grids:
         return draws
-    mine = set(sensors.tolist())
-    own = {name: len(each) for name, each in grids.items() if int(each[0]) in mine}
-    return DrawnShares.mean([draws.grids[name] for name in own], list(own.values()))
+    return DrawnShares.mean([draws.grids[name] for name in grids], [*grids.values()])
 
 
 def _mean(
