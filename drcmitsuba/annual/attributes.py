@@ -17,7 +17,6 @@ from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.runtime.provenance import METHOD
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.prepared_case import prepared
-from drcmitsuba.scene.spaces import spaces_of
 from drcmitsuba.scene.structures.recipe import Mesh, load_recipe
 from drcmitsuba.sky.daylight import Daylight
 
@@ -76,7 +75,7 @@ def _spaces(case: Case) -> list[dict[str, Any]]:
     """Name, use, storey and floor area [m²] of every space."""
     return [
         {"name": s.name, "use": s.use, "storey": s.storey, "floor_area": s.floor_area}
-        for s in spaces_of(case)
+        for s in prepared(case).spaces
     ]
 
 

@@ -16,7 +16,6 @@ from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.prepared_case import prepared
-from drcmitsuba.scene.spaces import rooms_of_points
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficients import compute_blocks
 from drcmitsuba.transport.sun_interpolation import mesh_of
@@ -87,7 +86,7 @@ def channel_stream(
     points, normals = prepared(case).receivers.at()
     accuracy = run.accuracy(case, len(points))
     subdivision = case.sky.subdivision
-    rooms = rooms_of_points(case, points)
+    rooms = prepared(case).rooms_of(points)
     content = block_content(world, points, normals, accuracy, subdivision, rooms)
     followed = suns.where(world.effects.enabled_suns(suns))
     yield from compute_blocks(

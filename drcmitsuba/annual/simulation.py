@@ -29,7 +29,6 @@ from drcmitsuba.runtime.provenance import METHOD
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.prepared_case import prepared
-from drcmitsuba.scene.spaces import rooms_of_points
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.sun_models import Suns
@@ -126,7 +125,7 @@ def of_points(
     accuracy = run.accuracy(case, len(points) if among is None else among)
     subdivision = case.sky.subdivision
     count = len(scene.channels_of(case, run.enabled_effects))
-    rooms = rooms_of_points(case, points)
+    rooms = prepared(case).rooms_of(points)
     channels: list[xr.Dataset] = []
     for i, world in enumerate(_scenes(case, state, run)):
         done = part(progress, i / count, (i + 1) / count)
@@ -172,7 +171,7 @@ def is_kept(case: Case, daylight: Daylight, run: Run) -> bool:
     (points, normals), effects = prepared(case).receivers.at(), run.enabled_effects
     accuracy = run.accuracy(case, len(points))
     world = scene.load(case, OPEN, scene.channels_of(case, effects)[0], effects)
-    rooms = rooms_of_points(case, points)
+    rooms = prepared(case).rooms_of(points)
     content = block_content(world, points, normals, accuracy, case.sky.subdivision, rooms)
     return bool(run.kept(case.name, *content, daylight.suns).cover(len(points)))
 

@@ -58,10 +58,6 @@ class BlockSeries:
         """Series of all blocks of some sensors, which count from a further one."""
         return replace(self, first=self.first + first, part=EVERY_BLOCK)
 
-    def holds(self, block: int) -> bool:
-        """Whether a block, counted from 0, is made."""
-        return self.part.holds(block)
-
     def tell_stored(self, every: Sequence[slice]) -> None:
         """Tell the user once how many of these blocks were stored before the run began."""
         if self.before is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from matplotlib.figure import Figure
 from drcmitsuba import metrics
 from drcmitsuba.case.case import Case
 from drcmitsuba.metrics.grids import sensors_by_grid
-from drcmitsuba.metrics.spaces import sensors_by_space
+from drcmitsuba.metrics.spaces import SensorsOfSpace, sensors_by_space
 from drcmitsuba.report import plots
 from drcmitsuba.report.captions import caption, is_rated, period_name, turned_text
 from drcmitsuba.report.colour_scale import round_levels, scale
@@ -120,7 +121,7 @@ def _plans(
     plans: dict[str, tuple[xr.DataArray, dict[str, Any]]],
 ) -> dict[str, Figure]:  # fmt: skip
     """Draw plans, values (sensor,) and settings of each by its name, on every sheet."""
-    every, drawn = sheets(illuminance), {}
+    every, spaces, drawn = sheets(illuminance), sensors_by_space(illuminance), {}
     at = np.column_stack([illuminance[axis].values for axis in "xy"])
     words = caption(case, illuminance, numbers) + turned_text(case)
     for values, settings in plans.values():  # all sheets have the same colours
@@ -129,11 +130,11 @@ def _plans(
     for k, sheet in enumerate(every[:MOST_SHEETS], start=1):
         number = f"_{k}" if len(every) > 1 else ""
         lines = outlines_in_plan(case, at[sheet.sensors], sheet)
+        where = _where(spaces, sheet, k, len(every))
         for name, (values, settings) in plans.items():
             here = values[sheet.sensors]
             if name.startswith("undecided") and not ((here > 0) & (here < 100)).any():
                 continue
-            where = _where(illuminance, sheet, k, len(every))
             title = f"{case.name}: {settings['title']}{where}"
             drawn[f"{name}{number}_plan.png"] = plots.plan(
                 here, **{**settings, **lines, "title": title, "caption": words}
@@ -141,14 +142,13 @@ def _plans(
     return drawn
 
 
-def _where(illuminance: xr.Dataset, sheet: Sheet, number: int, count: int) -> str:
+def _where(spaces: Sequence[SensorsOfSpace], sheet: Sheet, number: int, count: int) -> str:
     """Words for a sheet of several, by its storey if it is one, and for sensors not facing up."""
     heights = f"{sheet.low:.2f} m"
     if sheet.high > sheet.low + 0.005:
         heights = f"{sheet.low:.2f} to {sheet.high:.2f} m"
     parts = [] if sheet.faces_up else ["on planes across the arrows"]
-    here = set(sheet.sensors.tolist())
-    storeys = {s.storey for s in sensors_by_space(illuminance) if not here.isdisjoint(s.sensors)}
+    storeys = {space.storey for space in spaces if np.isin(space.sensors, sheet.sensors).any()}
     parts += [on_a_line(name) for name in storeys if name and len(storeys) == 1]
     if count > 1:
         parts.append(f"plan {number} of {count}, points at {heights}")

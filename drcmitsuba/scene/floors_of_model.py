@@ -45,7 +45,10 @@ class FloorPart(NamedTuple):
     """Shape in plan, a `shapely.Polygon` [m]."""
 
 
-def rooms_of(model: Model, patterns: tuple[str, ...], above: float, source: str) -> list[FloorPart]:
+@lru_cache(maxsize=4)  # grids lie in rooms, which are spaces as well
+def rooms_of(
+    model: Model, patterns: tuple[str, ...], above: float, source: str
+) -> tuple[FloorPart, ...]:
     """Rooms on the level polygons of some materials, floor by floor from the lowest.
 
     Polygons that are level count, whichever side is their front; those of one height are joined.
@@ -94,7 +97,7 @@ def rooms_of(model: Model, patterns: tuple[str, ...], above: float, source: str)
         whole = _grown(shapely.union_all([_grown(s, 1e-3) for s in shapes.values()]), -1e-3)
         for part in parted(model, whole, height + above):
             rooms.append(FloorPart(_name(shapes, part), height, part))
-    return _numbered(rooms)
+    return tuple(_numbered(rooms))
 
 
 def _is_level(quads: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""A case made ready: groups of panes and receivers, which every room reads and none finds twice."""
+"""A case made ready: groups of panes, spaces, receivers, which no room finds a second time."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.case.case import Case
+from drcmitsuba.model.space import Space, space_at
+from drcmitsuba.scene.geometry import origin, rotation
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.sensors import sensor_coordinates, sensor_points
+from drcmitsuba.scene.spaces import spaces_of
 
 KEPT = 8
 """Number of cases that are kept ready."""
@@ -65,6 +68,20 @@ class PreparedCase:
         for array in (points, normals):
             array.flags.writeable = False  # every room reads the same ones
         return Receivers(points, normals, sensor_coordinates(self.case))
+
+    @cached_property
+    def spaces(self) -> tuple[Space, ...]:
+        """Rooms of the building by name, see `spaces.spaces_of`."""
+        return spaces_of(self.case)
+
+    def rooms_of(self, points: np.ndarray) -> np.ndarray | None:
+        """Space of points (point, 3) in the frame of the receivers: its index, −1 for none.
+
+        It is None where the case does not tell several spaces apart.
+        """
+        if len(self.spaces) < 2:
+            return None
+        return space_at(self.spaces, points @ rotation(self.case) + origin(self.case))
 
     def check(self) -> None:
         """Refuse unfit sensors and groups before any work begins."""

@@ -67,30 +67,28 @@ class PlacedSensors:
         """Unit normals of all sensors, shape (sensor, 3)."""
         return np.concatenate([grid.normals for grid in self.grids])
 
+    def _by_grid(self, values: np.ndarray) -> Iterator[tuple[SensorGrid, np.ndarray]]:
+        """Yield grids with their part of values (sensor, …)."""
+        ends = np.cumsum([len(grid.points) for grid in self.grids])[:-1]
+        return zip(self.grids, np.split(values, ends), strict=True)
+
     def moved(self, points: np.ndarray, note: str) -> PlacedSensors:
         """Sensors at other positions (sensor, 3) [m]."""
-        ends = np.cumsum([len(grid.points) for grid in self.grids])[:-1]
-        parts = zip(self.grids, np.split(points, ends), strict=True)
-        grids = tuple(replace(grid, points=own) for grid, own in parts)
+        grids = tuple(replace(grid, points=own) for grid, own in self._by_grid(points))
         return PlacedSensors(grids, (*self.notes, note))
 
     def only(self, kept: np.ndarray) -> PlacedSensors:
         """Keep some sensors, bool (sensor,)."""
-        ends = np.cumsum([len(grid.points) for grid in self.grids])[:-1]
         grids = (
             replace(grid, points=grid.points[own], normals=grid.normals[own])
-            for grid, own in zip(self.grids, np.split(kept, ends), strict=True)
+            for grid, own in self._by_grid(kept)
         )
         return replace(self, grids=tuple(grid for grid in grids if len(grid.points)))
 
     def without(self, bad: np.ndarray, where: str) -> PlacedSensors:
         """Leave out sensors that are bad, bool (sensor,), with a note on each of their grids."""
-        ends = np.cumsum([len(grid.points) for grid in self.grids])[:-1]
-        kept, notes = [], list(self.notes)
-        for grid, out in zip(self.grids, np.split(bad, ends), strict=True):
-            if not out.all():
-                own = replace(grid, points=grid.points[~out], normals=grid.normals[~out])
-                kept.append(own)
+        notes = list(self.notes)
+        for grid, out in self._by_grid(bad):
             if out.any():
                 of = f" of grid {grid.name[:80]!r}" if grid.name else ""
                 verb = "lies" if out.sum() == 1 else "lie"
@@ -100,7 +98,7 @@ class PlacedSensors:
                     f"sensors: {int(out.sum())} of {len(out)} points{of} {verb} {where}, {first}: "
                     "left out"
                 )
-        return PlacedSensors(tuple(kept), tuple(notes))
+        return replace(self.only(~bad), notes=tuple(notes))
 
 
 def sensor_points(case: Case) -> tuple[np.ndarray, np.ndarray]:
@@ -114,7 +112,12 @@ def sensor_points(case: Case) -> tuple[np.ndarray, np.ndarray]:
         A sensor lies outside the room; one that the user listed lies inside furniture or within
         1 mm of a surface; or none is left.
     """
-    sensors, turn = placed_sensors(case), rotation(case).T
+    return _in_world(case, placed_sensors(case))
+
+
+def _in_world(case: Case, sensors: PlacedSensors) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and normals as of `sensor_points`."""
+    turn = rotation(case).T
     return (sensors.points - origin(case)) @ turn, sensors.normals @ turn
 
 
@@ -132,15 +135,15 @@ def sensor_coordinates(case: Case) -> xr.Dataset:
     InputError
         As `sensor_points`.
     """
-    points, normals = sensor_points(case)
-    grids = placed_sensors(case).grids
-    spaces = spaces_of(case)
+    sensors, spaces = placed_sensors(case), spaces_of(case)
+    points, normals = _in_world(case, sensors)
     at = dict(zip("xyz", (points + origin(case)).T, strict=True))
     if (normals[:, 2] < FACES_UP).any():
         at |= dict(zip(("nx", "ny", "nz"), normals.T, strict=True))
+    grids = sensors.grids
     names = np.repeat(np.array([g.name for g in grids], object), [len(g.points) for g in grids])
     if len(spaces) > 1:
-        index = space_at(spaces, np.concatenate([grid.points for grid in grids]))
+        index = space_at(spaces, sensors.points)
         at["space"] = np.array([*(space.name for space in spaces), ""], object)[index]
         names = names_by_space(names, at["space"])
     if len(set(names)) > 1:
@@ -262,13 +265,10 @@ def _in_spaces(made: PlacedSensors, spaces: tuple[Space, ...]) -> PlacedSensors:
     if (at < 0).all():
         return made
     made = made.without(at < 0, "in no space") if (at < 0).any() else made
-    without = [space.name for k, space in enumerate(spaces) if k not in set(at.tolist())]
-    if not without:
-        return made
-    names = Notes()
-    for name in without:
-        names.add("sensors: there are none in the spaces", name)
-    return replace(made, notes=(*made.notes, *names.sentences()))
+    notes = Notes()
+    for k in np.setdiff1d(np.arange(len(spaces)), at).tolist():
+        notes.add("sensors: there are none in the spaces", spaces[k].name)
+    return replace(made, notes=(*made.notes, *notes.sentences()))
 
 
 def _placed(model: Model, sensors: AnySensors, source: str) -> tuple[SensorGrid, ...]:

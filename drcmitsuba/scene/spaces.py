@@ -7,9 +7,8 @@ import shapely
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.sensors import FloorSensors
-from drcmitsuba.model.space import Space, SpaceFloor, space_at
+from drcmitsuba.model.space import Space, SpaceFloor
 from drcmitsuba.scene.floors_of_model import rooms_of
-from drcmitsuba.scene.geometry import origin, rotation
 
 
 def spaces_of(case: Case) -> tuple[Space, ...]:
@@ -26,17 +25,6 @@ def spaces_of(case: Case) -> tuple[Space, ...]:
         return case.building.spaces
     rooms = rooms_of(case.building, case.sensors.floors, case.sensors.height, case.source)
     return tuple(Space(r.name, (SpaceFloor(r.height, r.outline),)) for r in rooms)
-
-
-def rooms_of_points(case: Case, points: np.ndarray) -> np.ndarray | None:
-    """Space of points in the traced frame, as of `sensor_points`: its index, −1 for none.
-
-    It is None where a case does not tell several spaces apart.
-    """
-    spaces = spaces_of(case)
-    if len(spaces) < 2:
-        return None
-    return space_at(spaces, points @ rotation(case) + origin(case))
 
 
 def names_by_space(grids: np.ndarray, spaces: np.ndarray) -> np.ndarray:

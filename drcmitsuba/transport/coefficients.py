@@ -279,7 +279,7 @@ def _of_group(
             dr.flush_malloc_cache()  # once: blocks that fetch their memory anew take longer
         kept.tell_stored(gathered.blocks)
         for block, here in enumerate(gathered.blocks):
-            if here.start < done or not kept.holds(block):
+            if here.start < done or not kept.part.holds(block):
                 continue
             C = kept.get(here)
             if C is None:

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from drcmitsuba.blocks.block_folder import BlockSeries
 from drcmitsuba.blocks.part import BlockPart
 from drcmitsuba.runtime import backend
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.scene import load
 from drcmitsuba.scene.sensors import sensor_points
-from drcmitsuba.scene.spaces import rooms_of_points
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import coefficients
 from drcmitsuba.transport.coefficients import compute, groups_of
@@ -57,7 +57,7 @@ def three_rooms():
     points, normals = sensor_points(case)
     up = np.array([[0, -0.8, 0.6], [0.3, -0.5, 0.8124], [0, 0, 1.0]])
     suns = Suns(("a", "b", "c"), up / np.linalg.norm(up, axis=1, keepdims=True), 0.53)
-    rooms = rooms_of_points(case, points)
+    rooms = prepared(case).rooms_of(points)
     assert sorted(set(rooms.tolist())) == [0, 1, 2]
     return (load(case), points, normals, suns, case.accuracy), rooms
 
