@@ -28,7 +28,7 @@ from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, draw_shade, evaluate_metrics
 from drcmitsuba.metrics.intervals import t_factor
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.random_streams import Stream, launch_seed
+from drcmitsuba.runtime.random_streams import Stream, case_seed
 from drcmitsuba.runtime.time_limit import TimeLimit
 from drcmitsuba.schema import by_luminance
 from drcmitsuba.sky.daylight import Daylight
@@ -94,8 +94,7 @@ class _Sampling:
         self, number: int, evaluated: EvaluatedMetrics, sensors: np.ndarray, hours: np.ndarray
     ) -> None:
         """Add a round of some sensors and of the suns of some time stamps."""
-        seed = launch_seed(self.case.accuracy.seed, Stream.ROUNDS, number)
-        run = replace(self.run, seed=seed >> 2)  # below a case's limit
+        run = replace(self.run, seed=case_seed(self.case.accuracy.seed, Stream.ROUNDS, number))
         for state, samples in self.states.items():
             possible = evaluated.draws.possible.get(state)
             at = hours if possible is None or state == OPEN else hours[possible[hours]]

@@ -15,10 +15,13 @@ import mitsuba as mi
 import numpy as np
 import xarray as xr
 
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import GroupStates
 from drcmitsuba.metrics import smooth_step
 from drcmitsuba.metrics.facade_states import ShadeRule
-from drcmitsuba.metrics.grids import count_by_grid
+from drcmitsuba.metrics.grids import count_by_grid, grid_of_sensors
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.transport.elements.state_illuminances import Illuminances
 
 MOST_STATES = 32
@@ -55,6 +58,12 @@ class FacadeGroups:
         first = np.stack([np.zeros_like(last), last])
         others = [row for row in every if (row != first).any(axis=1).all()]
         return cls(rule, time, grid, np.array([*first, *others]))
+
+    @classmethod
+    def of_case(cls, case: Case, groups: GroupStates, time: xr.DataArray) -> FacadeGroups:
+        """Groups of a case by its rule and schedules; InputError as `of`."""
+        grid = grid_of_sensors(prepared(case).receivers.coordinates)
+        return cls.of(ShadeRule.of_case(case, groups), time, grid, case.source)
 
     @property
     def is_plain(self) -> bool:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -12,10 +13,7 @@ import xarray as xr
 from drcmitsuba.annual.simulation import joined_channels
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, SHADED, GroupStates
-from drcmitsuba.case.schedule import schedule_of
 from drcmitsuba.design.facade_groups import FacadeGroups
-from drcmitsuba.metrics.facade_states import ShadeRule
-from drcmitsuba.metrics.grids import grid_of_sensors
 from drcmitsuba.scene.materials import shade_covers
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.tiled_facades import TiledFacades
@@ -93,16 +91,17 @@ class TiledLight:
         """
         (drawn,) = tiled.drawn
         others = [drawn[g] for g in range(tiles, len(tiled.fills))]
+        elements, places = tiled.panes.states.starts[-1], [*_places(tiled, groups)]
         return cls(
             tiles=Tiles(np.array([tile[0] for tile in tiled.rectangles[:tiles]])),
             materials=tiled.fills[0],
             names=tuple(name for names in tiled.fills for name in names),
             as_drawn=np.concatenate([np.zeros(0, np.float32), *others]),
             is_open=tiled.is_open,
-            closings=_closings(tiled, groups),
+            closings=closing_matrices(elements, places, groups),
             channels=channels,
             groups=groups,
-            group=None if groups is None else _group_of_elements(tiled, groups),
+            group=None if groups is None else group_of_elements(elements, places),
         )
 
     def shares(self, composition: np.ndarray, *, closed: bool = False) -> np.ndarray:
@@ -133,7 +132,7 @@ def groups_of(tiled: TiledFacades, case: Case, time: xr.DataArray) -> FacadeGrou
 
     Without `[groups]`, those tiles form a group that face one direction and may be clear.
     """
-    (threshold, area), states = case.shade_rule, prepared(case).groups.states
+    states = prepared(case).groups.states
     if not case.groups:
         clear = dict.fromkeys(
             facing
@@ -145,44 +144,53 @@ def groups_of(tiled: TiledFacades, case: Case, time: xr.DataArray) -> FacadeGrou
         if case.shading is None or case.shading.groups == "together" or len(clear) < 2:
             return None
         states = GroupStates((*clear,), ((OPEN, SHADED),) * len(clear))
-    rule = ShadeRule(states, threshold, area, schedule_of(case.groups, states))
-    grid = grid_of_sensors(prepared(case).receivers.coordinates)
-    return FacadeGroups.of(rule, time, grid, case.source)
+    return FacadeGroups.of_case(case, states, time)
 
 
-def _places(
-    tiled: TiledFacades, groups: FacadeGroups | None
-) -> Iterator[tuple[int, int, tuple[int, ...]]]:
-    """Yield elements that a group changes, its number, and the element in each further state."""
+class Place(NamedTuple):
+    """Element that a group of panes changes."""
+
+    element: int
+    group: int
+    """Number of the group; 0 where one shade closes."""
+    further: tuple[int, ...]
+    """Element that stands in its place in each state of the group after the first."""
+
+
+def closing_matrices(
+    elements: int, places: Sequence[Place], groups: FacadeGroups | None
+) -> tuple[np.ndarray, ...]:
+    """Matrices of `TiledLight.closings`; without groups, the one state is that of the shade."""
+    matrices = []
+    for row in [None] if groups is None else groups.indices[1:].tolist():
+        matrix = np.eye(elements, dtype=np.float32)
+        for element, group, further in places:
+            index = 1 if row is None else row[group]
+            if index:
+                matrix[element, element] = 0
+                matrix[element, further[index - 1]] = 1
+        matrices.append(matrix)
+    return tuple(matrices)
+
+
+def group_of_elements(elements: int, places: Sequence[Place]) -> np.ndarray:
+    """Group of every element, −1 for none, int, shape (element,)."""
+    out = np.full(elements, -1)
+    for place in places:
+        out[place.element] = place.group
+    return out
+
+
+def _places(tiled: TiledFacades, groups: FacadeGroups | None) -> Iterator[Place]:
+    """Yield the elements of tiles that a group, or the shade, changes."""
     starts, own = tiled.panes.states.starts, tiled.grouped
     names_of = None if groups is None else groups.rule.groups.names
     for g, (first, names) in enumerate(zip(starts, tiled.fills, strict=False)):
         for k in range(len(names)):
             if own is not None:
                 if (member := own[g][k]) is not None:
-                    yield first + k, member.group, tuple(first + f for f in member.fills)
+                    further = tuple(first + f for f in member.fills)
+                    yield Place(first + k, member.group, further)
             elif tiled.shade in names[1:] and shade_covers(tiled.panes.material(None, g, k)):
                 number = 0 if names_of is None else names_of.index(tiled.panes.facings[g][0])
-                yield first + k, number, (first + names.index(tiled.shade, 1),)
-
-
-def _closings(tiled: TiledFacades, groups: FacadeGroups | None) -> tuple[np.ndarray, ...]:
-    """Matrices of `TiledLight.closings`."""
-    rows = np.ones((1, 1), int) if groups is None else groups.indices[1:]
-    count, matrices = tiled.panes.states.starts[-1], []
-    for row in rows.tolist():
-        matrix = np.eye(count, dtype=np.float32)
-        for element, group, further in _places(tiled, groups):
-            if row[group]:
-                matrix[element, element] = 0
-                matrix[element, further[row[group] - 1]] = 1
-        matrices.append(matrix)
-    return tuple(matrices)
-
-
-def _group_of_elements(tiled: TiledFacades, groups: FacadeGroups) -> np.ndarray:
-    """Group of every element, −1 for none, int, shape (element,)."""
-    out = np.full(tiled.panes.states.starts[-1], -1)
-    for element, group, _ in _places(tiled, groups):
-        out[element] = group
-    return out
+                yield Place(first + k, number, (first + names.index(tiled.shade, 1),))

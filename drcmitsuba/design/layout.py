@@ -157,8 +157,7 @@ class Layout:
     @property
     def search(self) -> Search:
         """Settings of the search."""
-        d = self.design
-        return Search(d.starts, d.sharpness, d.iterations, d.seed)
+        return Search.of(self.design)
 
     def afresh(self, optimum: FacadeOptimum, stage: Stage = silent) -> Result:
         """Evaluate an optimum as a case of its own."""

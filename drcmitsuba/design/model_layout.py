@@ -6,6 +6,7 @@ model draws there. Panes keep their size and place.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
@@ -19,23 +20,26 @@ from drcmitsuba.annual.summed_year import accuracy_of
 from drcmitsuba.annual.variants import SharedElements, joined_effects
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.design import Design
-from drcmitsuba.case.schedule import schedule_of
 from drcmitsuba.case.sun import Adaptive, TrueSun
 from drcmitsuba.design.facade_groups import FacadeGroups
 from drcmitsuba.design.facade_maps import Panes, Strips
-from drcmitsuba.design.facade_tiles import TiledLight, Tiles
+from drcmitsuba.design.facade_tiles import (
+    Place,
+    TiledLight,
+    Tiles,
+    closing_matrices,
+    group_of_elements,
+)
 from drcmitsuba.design.facade_year import FacadeYear
 from drcmitsuba.design.optimise import FacadeOptimum, Search
 from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.design.problem import FacadeProblem, Goal
 from drcmitsuba.metrics.evaluate_metrics import rules
-from drcmitsuba.metrics.facade_states import ShadeRule
-from drcmitsuba.metrics.grids import grid_of_sensors
 from drcmitsuba.model.model import areas
 from drcmitsuba.plan import notes, plan
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
-from drcmitsuba.runtime.random_streams import Stream, launch_seed
+from drcmitsuba.runtime.random_streams import Stream, case_seed
 from drcmitsuba.runtime.toml import choose, shortened
 from drcmitsuba.scene.like_panes import LikePanes, like_panes
 from drcmitsuba.scene.prepared_case import prepared
@@ -61,9 +65,9 @@ class ModelLayout:
     every: tuple[LikePanes, ...]
     """All panes to the outside by material and direction."""
     searched: tuple[int, ...]
-    """Those that may take the film."""
+    """Indices of the panes that may take the film."""
     facades: SharedFacades
-    """The model as drawn, and with the film in all of the latter."""
+    """The model as drawn, and with the film in all of these panes."""
 
     @classmethod
     def of(cls, case: Case) -> ModelLayout:
@@ -96,17 +100,14 @@ class ModelLayout:
             known = ", ".join(map(str, every)) or "there are none"
             got, remedy = "no clear pane is meant", f"name some of the panes: {known}"
             raise InputError(case.source, "design.panes", got, remedy)
-        film = case.materials[design.film]
-        names = {every[g].name for g in searched}
-        covered = case.with_tables(materials={**case.materials, **dict.fromkeys(names, film)})
+        covered = _with_film(case, design.film, [every[g] for g in searched])
         facades = SharedFacades.of([case, covered])
         return cls(case, design, design.film, every, searched, facades)
 
     @property
     def search(self) -> Search:
         """Settings of the search."""
-        d = self.design
-        return Search(d.starts, d.sharpness, d.iterations, d.seed)
+        return Search.of(self.design)
 
     def year(self, stage: Stage = silent) -> FacadeYear:
         """Panes under the daylight of the case's period; errors are those of `FacadeYear.of`."""
@@ -135,7 +136,7 @@ class ModelLayout:
 
     def afresh(self, optimum: FacadeOptimum, stage: Stage = silent) -> Result:
         """Evaluate an optimum by the light of other paths: its noise took no part in the search."""
-        seed = launch_seed(self.case.accuracy.seed, Stream.FRESH_SEED) >> 2  # below a case's limit
+        seed = case_seed(self.case.accuracy.seed, Stream.FRESH_SEED)
         accuracy = self.case.accuracy.model_copy(update={"seed": seed})
         case = self.case.with_tables(accuracy=accuracy)
         with stage("sky"):
@@ -153,9 +154,7 @@ class ModelLayout:
         """Light of all panes with all of their fills."""
         run = replace(Run.of(case), stage=stage)
         accuracy = accuracy_of(case, run)
-        film = case.materials[self.film]
-        names = {self.every[g].name for g in self.searched}
-        covered = case.with_tables(materials={**case.materials, **dict.fromkeys(names, film)})
+        covered = _with_film(case, self.film, [self.every[g] for g in self.searched])
         scope = joined_effects([plan(each, light).scope for each in (case, covered)])
         scope = replace(scope, solved_cells=False)  # gradients follow paths
         facades = self.facades
@@ -183,17 +182,19 @@ class ModelLayout:
                 still[clear], place[clear], place[film] = 0, 3 * tile + 1, 3 * tile + 2
                 is_open[film], names[film] = True, self.film
         groups = self._groups(time)
-        closings, group = self._closings(groups)
+        by_element = {place.element: place for place in self._places()}
+        places = [] if groups is None else [*by_element.values()]
+        several = groups is not None and len(groups.rule.groups) > 1
         return TiledLight(
             tiles=self._tiles(),
             materials=("wall", CLEAR, self.film),
             names=tuple(names),
             as_drawn=still,
             is_open=is_open,
-            closings=closings,
+            closings=closing_matrices(count, places, groups),
             channels=shared.channels,
             groups=groups,
-            group=group if groups is not None and len(groups.rule.groups) > 1 else None,
+            group=group_of_elements(count, places) if several else None,
             place=place,
         )
 
@@ -214,38 +215,30 @@ class ModelLayout:
         case, states = self.case, prepared(self.case).groups.states
         if not any(states.closable):
             return None
-        rule = ShadeRule(states, *case.shade_rule, schedule_of(case.groups, states))
-        grid = grid_of_sensors(prepared(case).receivers.coordinates)
-        return FacadeGroups.of(rule, time, grid, case.source)
+        return FacadeGroups.of_case(case, states, time)
 
-    def _closings(self, groups: FacadeGroups | None) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
-        """Matrices of `TiledLight.closings`, and the group of every element."""
-        starts = self.facades.panes.states.starts
-        group, further = np.full(starts[-1], -1), dict[int, tuple[int, ...]]()
-        shade = self.case.shading
+    def _places(self) -> Iterator[Place]:
+        """Yield the elements that a group, or the shade, changes."""
+        starts, shade = self.facades.panes.states.starts, self.case.shading
         of_panes = prepared(self.case).groups
         for drawn, members in zip(self.facades.drawn, self.facades.members, strict=True):
             for g, row in drawn.items():
                 panes, element = self.every[g], starts[g] + int(row.argmax())
                 assert panes.quads is not None
                 if self.case.groups and g in members:
-                    group[element] = members[g].group
-                    further[element] = tuple(starts[g] + f for f in members[g].fills)
+                    further = tuple(starts[g] + f for f in members[g].fills)
+                    yield Place(element, members[g].group, further)
                 elif shade is not None and not self.case.groups and drawn is self.facades.drawn[0]:
                     number = int(of_panes.of_quads[panes.layer][panes.quads[0]])
                     if panes.clear and number >= 0:
                         names = self.facades.panes.states.states[g]
-                        group[element] = number
-                        further[element] = (starts[g] + names.index(shade.material, 1),)
-        matrices = []
-        for index in () if groups is None else groups.indices[1:].tolist():
-            matrix = np.eye(starts[-1], dtype=np.float32)
-            for element, others in further.items():
-                if index[group[element]]:
-                    matrix[element, element] = 0
-                    matrix[element, others[index[group[element]] - 1]] = 1
-            matrices.append(matrix)
-        return tuple(matrices) or (np.eye(starts[-1], dtype=np.float32),), group
+                        yield Place(element, number, (starts[g] + names.index(shade.material, 1),))
+
+
+def _with_film(case: Case, film: str, searched: Sequence[LikePanes]) -> Case:
+    """Case with a film in all searched panes."""
+    materials = dict.fromkeys((panes.name for panes in searched), case.materials[film])
+    return case.with_tables(materials={**case.materials, **materials})
 
 
 def _is_meant(design: Design, panes: LikePanes) -> bool:

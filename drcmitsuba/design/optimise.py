@@ -25,6 +25,7 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import minimize
 
+from drcmitsuba.case.design import Design
 from drcmitsuba.design.problem import FacadeCandidate, FacadeProblem
 from drcmitsuba.design.search import History, LocalSearch, Optimum, row, run
 from drcmitsuba.runtime import storage
@@ -57,6 +58,11 @@ class Search:
     sharpness: tuple[float, ...] = SHARPNESS
     iterations: int = 20
     seed: int = 0
+
+    @classmethod
+    def of(cls, design: Design) -> Search:
+        """Settings that `[design]` states."""
+        return cls(design.starts, design.sharpness, design.iterations, design.seed)
 
     def __post_init__(self) -> None:
         if self.starts < 1 or self.iterations < 1 or not self.sharpness:

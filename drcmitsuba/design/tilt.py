@@ -49,7 +49,7 @@ from drcmitsuba.metrics import Interval, accumulate, illuminance
 from drcmitsuba.metrics.evaluate_metrics import evaluate_metrics, may_close, rules
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, Stage, part, silent
-from drcmitsuba.runtime.random_streams import Stream, launch_seed
+from drcmitsuba.runtime.random_streams import Stream, case_seed
 from drcmitsuba.runtime.toml import named_of_kind, shortened
 from drcmitsuba.scene import components
 from drcmitsuba.scene.structures.recipe import Lamellae, load_recipe
@@ -146,7 +146,7 @@ class TiltProblem(RatedProblem):
 
     def afresh(self, tilt: float) -> Case:
         """Case at a tilt [deg] with another seed: its noise did not take part in the search."""
-        seed = launch_seed(self.case.accuracy.seed, Stream.FRESH_SEED) >> 2  # below a case's limit
+        seed = case_seed(self.case.accuracy.seed, Stream.FRESH_SEED)
         accuracy = self.case.accuracy.model_copy(update={"seed": seed})
         return self.built(tilt).with_tables(accuracy=accuracy)
 

@@ -26,7 +26,7 @@ from drcmitsuba.glare_year.result import GlareYear
 from drcmitsuba.glare_year.rule import Rule
 from drcmitsuba.glare_year.state import at_eyes
 from drcmitsuba.runtime.progress import silent
-from drcmitsuba.runtime.random_streams import Stream, launch_seed
+from drcmitsuba.runtime.random_streams import Stream, case_seed
 from drcmitsuba.runtime.time_limit import TimeLimit
 from drcmitsuba.schema import mean_and_error
 from drcmitsuba.sky.daylight import Daylight
@@ -81,7 +81,7 @@ class Sampler:
         with_sources : bool
             Whether it has the luminances, too.
         """
-        seed = launch_seed(self.case.accuracy.seed, Stream.ROUNDS, number) >> 2
+        seed = case_seed(self.case.accuracy.seed, Stream.ROUNDS, number)
         run = replace(self.run, seed=seed, shared=None, stage=silent, seconds={})
         out = list(samples)
         for k, (state, wanted) in enumerate(zip(self.states, wanting, strict=True)):

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, VARYING, GroupStates, State
-from drcmitsuba.case.schedule import Schedule
+from drcmitsuba.case.schedule import Schedule, schedule_of
 from drcmitsuba.metrics.grids import count_by_grid, grid_of_sensors
 from drcmitsuba.metrics.shade import closing_sensors
 from drcmitsuba.runtime.errors import InputError
@@ -55,6 +56,11 @@ class ShadeRule:
         threshold, area = attributes["shade_threshold"], attributes["shade_area"]
         groups = GroupStates.of_attributes(attributes)
         return cls(groups, threshold, area, Schedule.of_attributes(attributes, groups))
+
+    @classmethod
+    def of_case(cls, case: Case, groups: GroupStates) -> ShadeRule:
+        """Rule and schedules of a case for its groups of panes."""
+        return cls(groups, *case.shade_rule, schedule_of(case.groups, groups))
 
     def required(self, sensors: np.ndarray) -> np.ndarray:
         """Number of sensors in the sun that closes a group, of grids with so many `sensors`."""

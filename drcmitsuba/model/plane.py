@@ -11,6 +11,9 @@ import shapely
 
 from drcmitsuba.model.polygon import area_vector, axes_across
 
+Rings = tuple[np.ndarray, ...]
+"""Corners of a polygon's outline, then of its holes, shape (corner, 3) each [m]."""
+
 
 @dataclass(frozen=True, eq=False)
 class Plane:
@@ -40,7 +43,7 @@ class Plane:
         ]
         return shapely.Polygon(flat[0], flat[1:])
 
-    def rings(self, shape: Any, least: float = 0.0) -> list[tuple[np.ndarray, ...]]:
+    def rings(self, shape: Any, least: float = 0.0) -> list[Rings]:
         """Outline and holes (corner, 3) of each polygon of a shape with more than the least area.
 
         Outlines are counter-clockwise from the front.

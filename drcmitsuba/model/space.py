@@ -10,10 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 
+from drcmitsuba.model.plane import Rings
 from drcmitsuba.model.polygon import area_vector
 
-Rings = Sequence[np.ndarray]
-"""Corners of a polygon's outline, then of its holes, shape (corner, 3) each [m]."""
 LEVEL = 0.05
 """Difference in height below which floors are one [m]."""
 HEADROOM = 1.0

@@ -19,7 +19,7 @@ from drcmitsuba.rendering.prepared_view import MOST_MEMORY, PreparedView
 from drcmitsuba.rendering.rendering import Rendering, Source
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress
-from drcmitsuba.runtime.random_streams import Stream, launch_seed
+from drcmitsuba.runtime.random_streams import Stream, case_seed
 from drcmitsuba.runtime.time_limit import TimeLimit
 
 TOGETHER = 1 << 28
@@ -133,7 +133,7 @@ def toward(
             widest = max(means[k].shown.half_width for k in wide)
             progress((start + len(some) * (target.percent / widest) ** 2) / len(instants))
             number = means[wide[0]].rounds  # as many for all that are still wide
-            seed = launch_seed(prepared.case.accuracy.seed, Stream.ROUNDS, number) >> 2
+            seed = case_seed(prepared.case.accuracy.seed, Stream.ROUNDS, number)
             with _room(prepared, folder) as there:
                 more = prepared.again(seed, None if there is None else Path(there))
                 for k in wide:

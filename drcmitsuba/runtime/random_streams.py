@@ -116,6 +116,11 @@ def launch_seed(base: int, stream: Stream, *indices: int) -> int:
     return int(np.random.SeedSequence(base, spawn_key=key).generate_state(1)[0])
 
 
+def case_seed(base: int, stream: Stream, *indices: int) -> int:
+    """Seed of a further evaluation of a case, below 2³⁰ as a case's own; else as `launch_seed`."""
+    return launch_seed(base, stream, *indices) >> 2
+
+
 def number_in_replicate(place: mi.UInt32, replicate: int) -> mi.UInt32:
     """Number of a sensor or cell in a replicate: launches that join replicates take it as seed.
 

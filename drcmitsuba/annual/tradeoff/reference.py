@@ -9,7 +9,6 @@ import xarray as xr
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import GroupStates
-from drcmitsuba.case.schedule import schedule_of
 from drcmitsuba.case.sensors import Sensors
 from drcmitsuba.metrics.facade_states import ShadeRule
 from drcmitsuba.scene.prepared_case import prepared
@@ -58,7 +57,7 @@ def rule_of(case: Case) -> ShadeRule | None:
     groups = prepared(case).groups.states
     if not any(groups.closable):
         return None
-    return ShadeRule(groups, *case.shade_rule, schedule_of(case.groups, groups))
+    return ShadeRule.of_case(case, groups)
 
 
 def number_of(groups: GroupStates, indices: np.ndarray) -> np.ndarray:

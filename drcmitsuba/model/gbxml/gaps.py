@@ -12,11 +12,9 @@ from typing import Any
 import numpy as np
 import shapely
 
-from drcmitsuba.model.plane import Plane
+from drcmitsuba.model.plane import Plane, Rings
 from drcmitsuba.model.polygon import area_vector
 
-Polygon = tuple[np.ndarray, ...]
-"""Corners of an outline, then of its holes, shape (corner, 3) each [m]."""
 NEAR = 0.05
 """Distance within which edges and corners lie on each other [m]."""
 LEAST = 1e-3
@@ -27,7 +25,7 @@ MOST_EDGES = 4000
 """Largest number of a space's edges among which gaps are looked for."""
 
 
-def gaps_of(rings: Sequence[np.ndarray]) -> list[Polygon]:
+def gaps_of(rings: Sequence[np.ndarray]) -> list[Rings]:
     """Polygons that close the gaps of a space.
 
     Parameters
@@ -37,7 +35,7 @@ def gaps_of(rings: Sequence[np.ndarray]) -> list[Polygon]:
 
     Returns
     -------
-    list of Polygon
+    list of Rings
         Outline and holes of each, facing any side. There are none where the space is closed, where
         what is missing is not plane, or where there are too many edges.
     """
@@ -88,7 +86,7 @@ def _planes(edges: np.ndarray) -> list[Plane]:
     return planes
 
 
-def _closing(plane: Plane, edges: np.ndarray, rings: Sequence[np.ndarray]) -> list[Polygon]:
+def _closing(plane: Plane, edges: np.ndarray, rings: Sequence[np.ndarray]) -> list[Rings]:
     """Polygons in a plane between all edges, without surfaces, most of whose edges are open."""
     start = np.concatenate(rings)
     every = np.stack([start, np.concatenate([np.roll(r, -1, axis=0) for r in rings])], axis=1)

@@ -25,7 +25,8 @@ def window_types(root: GbxmlEntry) -> Mapping[str, tuple[str, float | None]]:
 def _visible(entry: GbxmlEntry) -> float | None:
     """Visible transmittance at normal incidence [–]; None where it is not stated."""
     for each in entry.children("Transmittance"):
-        if each.attribute("type") != "Visible" or each.attribute("solarIncidentAngle") not in "0":
+        is_normal = each.attribute("solarIncidentAngle") in ("", "0")
+        if each.attribute("type") != "Visible" or not is_normal:
             continue
         value = each.number()
         if value is not None and each.attribute("unit") == "Percent":

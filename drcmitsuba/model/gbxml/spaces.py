@@ -62,7 +62,7 @@ def spaces_of(
     spaces = []
     for entry in entries_of(root):
         polygons = faces.get(entry.attribute("id"), ())
-        floors = [[ring] for ring in polygons if is_floor(ring)]
+        floors = [(ring,) for ring in polygons if is_floor(ring)]
         name = entry.text("Name") or entry.attribute("id")
         ceiling = max((float(ring[:, 2].max()) for ring in polygons), default=0.0)
         levels = floors_of(floors, ceiling)
@@ -70,7 +70,7 @@ def spaces_of(
             notes.add(WITHOUT_FLOOR, name)
             continue
         stated = entry.number("Volume")
-        volume = volume_of([[ring] for ring in polygons])
+        volume = volume_of([(ring,) for ring in polygons])
         spaces.append(
             Space(
                 name=name,

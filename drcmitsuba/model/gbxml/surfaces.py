@@ -9,12 +9,12 @@ import numpy as np
 import shapely
 
 from drcmitsuba.model.gbxml.entries import GbxmlEntry
-from drcmitsuba.model.gbxml.gaps import NEAR, Polygon, gaps_of
+from drcmitsuba.model.gbxml.gaps import NEAR, gaps_of
 from drcmitsuba.model.gbxml.spaces import is_ceiling, is_floor
 from drcmitsuba.model.materials import GlazingMaterial, two_sided
 from drcmitsuba.model.model import Layer, Role
 from drcmitsuba.model.notes import Notes
-from drcmitsuba.model.plane import Plane
+from drcmitsuba.model.plane import Plane, Rings
 from drcmitsuba.model.polygon import NoAreaError, area_vector, quads_of
 from drcmitsuba.model.unstated import GLASS, glass, surface_material
 
@@ -32,7 +32,7 @@ LEAST = 1e-6
 
 @dataclass
 class GbxmlSurfaces:
-    """Polygons of a file by their materials, and around each space."""
+    """Ringss of a file by their materials, and around each space."""
 
     windows: Mapping[str, tuple[str, float | None]]
     """Name and visible transmittance of every window type by its identifier."""
@@ -41,10 +41,10 @@ class GbxmlSurfaces:
     metres: float
     notes: Notes
     faces: dict[str, list[np.ndarray]] = field(default_factory=dict)
-    """Polygons around each space by its identifier, counter-clockwise from its outside [m]."""
-    sorts: dict[tuple[str, str], list[tuple[str, Polygon]]] = field(default_factory=dict)
+    """Ringss around each space by its identifier, counter-clockwise from its outside [m]."""
+    sorts: dict[tuple[str, str], list[tuple[str, Rings]]] = field(default_factory=dict)
     """Places and polygons by the names of their front and back."""
-    panes: dict[str, list[tuple[str, Polygon]]] = field(default_factory=dict)
+    panes: dict[str, list[tuple[str, Rings]]] = field(default_factory=dict)
     """Places and polygons of windows by the names of their glass."""
     glass: dict[str, GlazingMaterial] = field(default_factory=dict)
 
@@ -74,8 +74,8 @@ class GbxmlSurfaces:
         names = ("shade", "shade") if not named or kind in CONTEXT else _sides(ring, len(named))
         self.sorts.setdefault(names, []).extend((surface.place, rings) for rings in parts)
 
-    def _opened(self, surface: GbxmlEntry, ring: np.ndarray) -> list[Polygon]:
-        """Polygons that the openings of a surface leave of it; adds these."""
+    def _opened(self, surface: GbxmlEntry, ring: np.ndarray) -> list[Rings]:
+        """Ringss that the openings of a surface leave of it; adds these."""
         plane = Plane.of(ring)
         whole = shapely.make_valid(plane.polygon([ring]))
         rest = whole
@@ -155,7 +155,7 @@ class GbxmlSurfaces:
                 yield Layer(name, self.glass[name], "pane", quads, polygon, places)
 
     def _quads(
-        self, pieces: Sequence[tuple[str, Polygon]]
+        self, pieces: Sequence[tuple[str, Rings]]
     ) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
         """Quads [m], the polygon of each, and the places of the polygons."""
         parts, polygons = [np.empty((0, 4, 3))], [np.empty(0, int)]

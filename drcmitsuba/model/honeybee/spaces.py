@@ -18,7 +18,7 @@ def spaces_of(rooms: Sequence[JsonEntry], metres: float, notes: Notes) -> tuple[
     spaces = []
     for room in rooms:
         faces = room.entries("faces")
-        polygons = [[ring * metres for ring in rings_of(face)] for face in faces]
+        polygons = [tuple(ring * metres for ring in rings_of(face)) for face in faces]
         floors = [
             polygon
             for face, polygon in zip(faces, polygons, strict=True)

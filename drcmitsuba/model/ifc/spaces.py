@@ -25,7 +25,7 @@ def spaces_of(shapes: Sequence[IfcShape], notes: Notes) -> tuple[Space, ...]:
         normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
         level = normal[:, 2] < DOWN * np.linalg.norm(normal, axis=1)
         ceiling = float(triangles[..., 2].max())
-        floors = floors_of([[triangle] for triangle in triangles[level]], ceiling)
+        floors = floors_of([(triangle,) for triangle in triangles[level]], ceiling)
         name = " ".join(filter(None, (element.Name, element.LongName))) or element.GlobalId
         if not floors:
             notes.add("Spaces without a level floor are left out", name)
@@ -48,7 +48,7 @@ def _volume(triangles: np.ndarray, areas: np.ndarray) -> float | None:
     whole = float(np.linalg.norm(areas, axis=1).sum())
     if np.linalg.norm(areas.sum(axis=0)) > OPEN * whole:
         return None
-    return abs(volume_of([[triangle] for triangle in triangles]))
+    return abs(volume_of([(triangle,) for triangle in triangles]))
 
 
 def _use(element: Any) -> str:
