@@ -20,6 +20,7 @@ from drcmitsuba.glare_year.sources import contrast_sums
 from drcmitsuba.metrics import accumulate
 from drcmitsuba.picture.glare import LARGEST_FACTOR
 from drcmitsuba.picture.position_index import position_index
+from drcmitsuba.runtime.random_streams import Stream, case_seed
 from drcmitsuba.scene import scene
 from drcmitsuba.schema import by_luminance
 from drcmitsuba.sky.daylight import Daylight
@@ -34,6 +35,8 @@ SKY_RAYS = 512
 SUN_SAMPLES = 2
 """Largest number of directions in each replicate from a surface to a sun that an edge crosses, or
 that a mirror shows: a tile stands for a piece of the surface, of which it knows one point."""
+FIRST = 2
+"""Number of replicates that tell which points of surfaces are bright at any hour."""
 LUMINANCES = 1 << 25
 """Largest number of luminances of pixels, or of points of several places, in hours at once."""
 
@@ -207,36 +210,61 @@ def _together(
 def _of_surfaces(
     case: Case, state: State, light: Daylight, surfaces: SeenSurfaces, run: Run
 ) -> tuple[np.ndarray, LuminanceNoise]:
-    """Luminance of the surfaces of places [cd/m²], float32, (point, time), and its noise."""
-    sky = light.sky
+    """Luminance of the surfaces of places [cd/m²], float32, (point, time), and its noise.
+
+    Points that are dim at all hours can neither be sources nor make noise: they get but the `FIRST`
+    replicates.
+    """
+    sky, replicates = light.sky, case.accuracy.replicates
     out = np.zeros((len(surfaces.points), sky.sizes["time"]), np.float32)
     noise = []
     bins = len(light.suns.labels) + sky.sizes["bin"]
-    rays = min(SKY_RAYS, case.accuracy.sensor_sky_rays)
-    directions = min(SUN_SAMPLES, case.accuracy.sensor_sun_samples)
-    fewer = {"sensor_sky_rays": rays, "sensor_sun_samples": directions, "mirrored_sun_samples": 1}
-    accuracy = case.accuracy.model_copy(update=fewer)
-    coarser = case.with_tables(accuracy=accuracy)
+    first = FIRST if replicates - FIRST >= 2 else replicates
     step = max(64, COEFFICIENTS // bins)
-    alone = replace(run, shared=None)  # every chunk has points of its own
     for start in range(0, len(surfaces.points), step):
-        here = slice(start, start + step)
-        some = surfaces.take(here)
-        C = of_points(
-            coarser, state, light.suns, sky.attrs["latitude"], some.points, some.normals, run=alone
-        )
-        average = C["replicates"].mean("replicate", skipna=False).expand_dims("replicate")
-        mean = C.drop_vars("replicates").assign(replicates=average)
-        every = np.arange(len(some.points))
-        out[here] = _luminances(mean, sky, some, every)[0]
-        bright = np.flatnonzero((out[here] > DIM).any(axis=1))
-        for first in range(0, len(bright), POINTS):
-            points = bright[first : first + POINTS]
+        some = surfaces.take(slice(start, start + step))
+        C = _coefficients(case, state, light, some, run, first)
+        mean = C["replicates"].mean("replicate", skipna=False).expand_dims("replicate")
+        C_mean = C.drop_vars("replicates").assign(replicates=mean)
+        L = _luminances(C_mean, sky, some, np.arange(len(some.points)))[0]
+        out[start : start + step] = L
+        bright = np.flatnonzero((L > DIM / 2).any(axis=1))
+        further = None
+        if first < replicates and len(bright):
+            again = replace(run, seed=case_seed(run.seed, Stream.BRIGHT_SURFACES))
+            rest = replicates - first
+            further = _coefficients(case, state, light, some.take(bright), again, rest)
+        for begin in range(0, len(bright), POINTS):
+            points = bright[begin : begin + POINTS]
             each = _luminances(C, sky, some, points)
+            if further is not None:
+                among = np.arange(begin, begin + len(points))
+                others = _luminances(further, sky, some.take(bright), among)
+                each = np.concatenate([each, others])
+                out[start + points] = each.mean(axis=0)
             point, time = np.nonzero(out[start + points] > DIM)
             deviation = each[:, point, time] - each[:, point, time].mean(axis=0)
             noise.append(LuminanceNoise(start + points[point], time, deviation))
-    return out, LuminanceNoise.joined(noise, case.accuracy.replicates)
+    return out, LuminanceNoise.joined(noise, replicates)
+
+
+def _coefficients(
+    case: Case, state: State, light: Daylight, surfaces: SeenSurfaces, run: Run, replicates: int
+) -> xr.Dataset:
+    """C of surfaces in some replicates, with less effort for a point than sensors have."""
+    accuracy = case.accuracy
+    fewer = {
+        "replicates": replicates,
+        "sensor_sky_rays": min(SKY_RAYS, accuracy.sensor_sky_rays),
+        "sensor_sun_samples": min(SUN_SAMPLES, accuracy.sensor_sun_samples),
+        "mirrored_sun_samples": 0,  # of faint mirrors, not to every sun
+    }
+    coarser = case.with_tables(accuracy=accuracy.model_copy(update=fewer))
+    alone = replace(run, shared=None)  # these points are of this call alone
+    latitude = light.sky.attrs["latitude"]
+    return of_points(
+        coarser, state, light.suns, latitude, surfaces.points, surfaces.normals, run=alone
+    )
 
 
 def _luminances(

@@ -48,6 +48,8 @@ class Stream(Enum):
     """Directions on the sun from the surfaces that pixels show."""
     EYE_PEAKS = (23,)
     """Directions along the peaks of films from the surfaces that pixels show."""
+    BRIGHT_SURFACES = (25,)
+    """Seed of further replicates of surfaces that eyes see bright."""
     SUN_RIMS = (0, 2)
     """Directions around the rim of each sun, of all replicates."""
     PATHS = (0, 4)

@@ -186,6 +186,7 @@ class Deposit:
         }  # fmt: skip
         points = self.accuracy.pane_points  # as for films: most directions miss the mirror
         lobes = max(1, points // (ON_SENSORS if key[0] is Stream.SENSORS else ON_CELLS))
+        samples = 0 if key[0] is Stream.CELLS else samples  # a cell is one of many
         with self.scene.ray_counter.purpose(key[0].name, Draw.SUN.name):
             parts = [
                 each.suns(p, n, samples=lobes if isinstance(each, SunLobes) else samples, **kind)

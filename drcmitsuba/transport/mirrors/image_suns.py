@@ -17,16 +17,17 @@ Data flow: `ImageSuns.of(scene)` → `.suns(points, …)` and `.sky(points, …)
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from math import prod
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.patches import Patches, patch_index
+from drcmitsuba_plugins.sampling import TO_UNIT, random_bits
 from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices, row_and_column
@@ -36,11 +37,14 @@ from drcmitsuba.transport.mirrors.mirror_planes import MOST_IN_TURN
 from drcmitsuba.transport.mirrors.planar_mirrors import PlanarMirrors
 from drcmitsuba.transport.rays.even_rays import first_directions
 from drcmitsuba.transport.rays.openings import SLACK, Openings, Within
-from drcmitsuba.transport.rays.shadow_rays import sun_deposit, visibility
+from drcmitsuba.transport.rays.shadow_rays import sun_deposit, sun_numbers, visibility
 from drcmitsuba.transport.rays.sun_clusters import possible_pairs
 
 MOST_SURFACES = 24
 """Largest number of panes and mirrors that a ray passes between two turns."""
+FAINT_CHAIN, LEAST_DRAWN = 0.05, 1 / 8
+"""Reflectance of a chain at normal incidence below which points that stand for a piece of a surface
+draw directions to a share of the suns alone, and the least share [–]."""
 MOST_TESTS = 64
 """Largest number of sequences of rectangles by which rays are tested before they are traced."""
 FAINT = 1e-5
@@ -73,28 +77,41 @@ class ImageSuns:
         suns: np.ndarray, diameter: float, samples: int, seed: int,
         numbers: mi.UInt32 | None = None, within: Within = None,
     ) -> mi.TensorXf:  # fmt: skip
-        """D of points by mirrored suns [sr], (point, sun); parameters as for `sun_deposit`."""
+        """D of points by mirrored suns [sr], (point, sun); parameters as for `sun_deposit`.
+
+        With 0 `samples`, one direction is drawn to suns in strong mirrors, and to a random share of
+        the suns in faint ones.
+        """
         count = dr.width(points) // 3
         out = dr.zeros(mi.Float, count * len(suns))
         if not count:
             return mi.TensorXf(out, (count, len(suns)))
+        numbers = dr.arange(mi.UInt32, count) if numbers is None else numbers
         for i, chain in enumerate(self.mirrors.chains):
             images, may = self.mirrors.images(chain, suns)
             some = np.flatnonzero(may)
             if not len(some):
                 continue
             openings = self.seen_first(chain)
+            pairs = possible_pairs(openings, points, normals, images[some], diameter)
+            share = 1.0 if samples else self._drawn_share(chain)
+            if share < 1:
+                pairs = drawn_pairs(pairs, share, numbers, images[some], seed + i)
             D = sun_deposit(
                 self.scene, points, normals, suns=images[some], diameter=diameter,
-                samples=samples, seed=seed + i, numbers=numbers, within=self.looks_out(within),
-                through=partial(self._through, chain),
-                pairs=possible_pairs(openings, points, normals, images[some], diameter),
+                samples=max(1, samples), seed=seed + i, numbers=numbers,
+                within=self.looks_out(within), through=partial(self._through, chain), pairs=pairs,
             )  # fmt: skip
             row, column = row_and_column(dr.arange(mi.UInt32, count * len(some)), len(some))
             sun = dr.gather(mi.UInt32, flat_indices(some), column)
-            dr.scatter_add(out, D.array, row * dr.opaque(mi.UInt32, len(suns)) + sun)
+            dr.scatter_add(out, D.array / share, row * dr.opaque(mi.UInt32, len(suns)) + sun)
             dr.eval(out)
         return mi.TensorXf(out, (count, len(suns)))
+
+    def _drawn_share(self, chain: tuple[int, ...]) -> float:
+        """Share of the suns to which a direction by a chain is drawn [–]."""
+        rho = math.prod(float(self.mirrors.strongest[axis]) for axis in chain)
+        return min(1.0, max(LEAST_DRAWN, rho / FAINT_CHAIN))
 
     def sky(
         self, points: mi.Float, normals: mi.Float, *,
@@ -216,7 +233,7 @@ class ImageSuns:
         self, chain: tuple[int, ...], p: mi.Point3f, d: mi.Vector3f, active: mi.Bool
     ) -> mi.Float:
         """Share of light [–] that reaches points from directions d by the mirrors of a chain."""
-        if prod(len(self.mirrors.rectangles[axis]) // 2 for axis in chain) <= MOST_TESTS:
+        if math.prod(len(self.mirrors.rectangles[axis]) // 2 for axis in chain) <= MOST_TESTS:
             active = active & self._may_take(chain, p, d)
         return self.followed(p, d, active, mi.Float(1), _InTurn(self, chain))
 
@@ -264,6 +281,20 @@ class ImageSuns:
             step += 1
             active &= (weight > FAINT) & (step < MOST_SURFACES)
         return total
+
+
+def drawn_pairs(
+    pairs: Iterable[mi.UInt32], share: float, numbers: mi.UInt32, suns: np.ndarray, seed: int
+) -> Iterator[mi.UInt32]:
+    """Yield a random share of pairs point · suns + sun; parameters as for `sun_deposit`."""
+    places = flat_indices(sun_numbers(suns))
+    for pair in pairs:
+        row, sun = row_and_column(pair, len(suns))
+        number, place = dr.gather(mi.UInt32, numbers, row), dr.gather(mi.UInt32, places, sun)
+        bits = random_bits(number, ~seed, place)[0]  # `seed` draws the directions
+        chosen = dr.compress(mi.Float(bits >> 8) * TO_UNIT < dr.opaque(mi.Float, share))
+        if dr.width(chosen):
+            yield dr.gather(mi.UInt32, pair, chosen)
 
 
 def _ray_on(si: mi.SurfaceInteraction3f, d: mi.Vector3f) -> mi.Ray3f:

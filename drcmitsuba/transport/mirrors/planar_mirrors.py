@@ -160,6 +160,8 @@ class PlanarMirrors:
     [m], shape (rectangle, 4, 3)."""
     seen: tuple[np.ndarray, ...]
     """The same, without the sides of panes that face a room which no other pane lights."""
+    strongest: np.ndarray
+    """Largest reflectance of an axis at normal incidence [–], shape (axis,)."""
     chains: tuple[tuple[int, ...], ...]
     """Axes of the mirrors of every chain, from the receiver to the sun."""
     left_out: int
@@ -238,7 +240,7 @@ class PlanarMirrors:
         by_number = table(scene, first.tolist(), np.uint32)
         by_number[~np.isin(np.arange(len(by_number)), numbers(scene))] = NONE
         return cls(
-            scene, tuple(i for i, _ in mirrors), axes, tuple(rectangles), tuple(seen),
+            scene, tuple(i for i, _ in mirrors), axes, tuple(rectangles), tuple(seen), strongest,
             strongest_of(chains_of(rectangles, strongest)), left_out,
             _remains(rectangles, axes, strongest, body), flat_indices(by_number),
             flat_indices(of_faces), flat(reflectances),

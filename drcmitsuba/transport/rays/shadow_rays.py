@@ -6,7 +6,7 @@ their irradiance per unit radiance of a bin.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from functools import lru_cache, partial
 from typing import Any
 from zlib import crc32
@@ -36,8 +36,6 @@ Through = Callable[..., Any]
 """Function that gives the share of light that reaches points from directions, as `straight`."""
 Accepts = Callable[..., Any]
 """Function that gives the share of light that counts at points, by cosines of the incidence."""
-TOGETHER = 8
-"""Largest number of directions on a disk that one kernel follows; more take several launches."""
 RIM = 8
 """Directions around a disk's edge: they detect any straight edge that leaves or takes 1.5 %."""
 
@@ -175,10 +173,10 @@ def sun_deposit(
     )
     if pairs is None:
         pairs = possible_pairs(openings, points, normals, suns, diameter)
-    for pair in pairs:
-        active = dr.full(mi.Bool, True, dr.width(pair))
-        dr.scatter(out, of_pairs(*row_and_column(pair, n_suns), active), pair)
-        dr.eval(out)
+    for many in pairs:
+        for pair in _launches(many, samples):
+            dr.scatter(out, of_pairs(*row_and_column(pair, n_suns)), pair)
+            dr.eval(out)
     return mi.TensorXf(out, (count, n_suns))
 
 
@@ -203,11 +201,10 @@ def rim_deposit(
     openings = Openings.of(scene, points, within)
     of_pairs = _by_pairs(scene, openings, points, normals, suns, diameter, 1, seed, numbers)
     for pair in pairs:
-        active, lowest = dr.full(mi.Bool, True, dr.width(pair)), mi.Float(dr.inf)
-        total, highest = mi.Float(0), mi.Float(0)
+        total, lowest, highest = mi.Float(0), mi.Float(dr.inf), mi.Float(0)
         row, sun = row_and_column(pair, len(suns))
         for rim in range(RIM):
-            D = of_pairs(row, sun, active, rim)
+            D = of_pairs(row, sun, rim)
             dr.eval(D)
             total, lowest, highest = total + D, dr.minimum(lowest, D), dr.maximum(highest, D)
         for out, value in ((mean, total / RIM), (least, lowest), (most, highest)):
@@ -221,54 +218,61 @@ def _by_pairs(
     suns: np.ndarray, diameter: float, samples: int, seed: int, numbers: mi.UInt32,
     through: Through | None = None, accepts: Accepts | None = None,
 ) -> Callable[..., mi.Float]:  # fmt: skip
-    """Make the function that gives D [sr] of active pairs of a point and a sun.
+    """Make the function that gives D [sr] of pairs of a point and a sun.
 
-    It takes the pairs' points and suns, whether they are active, and optionally the index of the
-    one direction to take, of `RIM` around the disk's edge.
+    It takes the pairs' points and suns, and optionally the index of the one direction to take, of
+    `RIM` around the disk's edge. Each direction has a lane of its own.
     """
     directions, places = flat(suns), mi.UInt32(sun_numbers(suns))
     reaching = partial(straight, openings=openings) if through is None else through
 
-    def of(row: mi.UInt32, sun: mi.UInt32, active: mi.Bool, rim: int | None = None) -> mi.Float:
+    def of(row: mi.UInt32, sun: mi.UInt32, rim: int | None = None) -> mi.Float:
+        count = samples if rim is None else 1
+        pair, sample = row_and_column(dr.arange(mi.UInt32, dr.width(row) * count), count)
+        if count > 1:
+            dr.eval(row, sun)  # lanes of several directions look them up
+            row, sun = (dr.gather(mi.UInt32, x, pair) for x in (row, sun))
+        active = dr.full(mi.Bool, True, dr.width(pair))
         p, n = dr.gather(mi.Point3f, points, row), dr.gather(mi.Normal3f, normals, row)
         centre = dr.gather(mi.Vector3f, directions, sun, active)
         number = dr.gather(mi.UInt32, numbers, row)
         place = dr.gather(mi.UInt32, places, sun, active)
-        total = mi.Float(0)
-        for first in range(0, 1 if rim is not None else samples, TOGETHER):
-            count = min(TOGETHER, samples - first)
-            for d in _drawn(centre, diameter, number, place, first, count, seed, rim):
-                cosine = dr.dot(n, d)
-                lit = active & (cosine > 0)
-                if openings is not None:
-                    lit &= openings.passed(row, p, d)
-                tau = reaching(scene, p, d, lit)
-                if accepts is not None:
-                    tau *= accepts(row, cosine, tau > 0)
-                total += dr.select(tau > 0, tau * cosine, 0)
-            if samples > TOGETHER:
-                dr.eval(total)
-        return total * (disk_solid_angle(diameter) / (samples if rim is None else 1))
+        d = _drawn(centre, diameter, number, place, sample, seed, rim)
+        cosine = dr.dot(n, d)
+        lit = active & (cosine > 0)
+        if openings is not None:
+            lit &= openings.passed(row, p, d)
+        tau = reaching(scene, p, d, lit)
+        if accepts is not None:
+            tau *= accepts(row, cosine, tau > 0)
+        D = dr.select(tau > 0, tau * cosine, 0) * (disk_solid_angle(diameter) / count)
+        return dr.block_sum(D, count) if count > 1 else D
 
     return of
 
 
 def _drawn(
-    centre: mi.Vector3f, diameter: float, number: mi.UInt32, place: mi.UInt32, first: int,
-    count: int, seed: int, rim: int | None,
-) -> list[mi.Vector3f]:  # fmt: skip
+    centre: mi.Vector3f, diameter: float, number: mi.UInt32, place: mi.UInt32,
+    sample: mi.UInt32, seed: int, rim: int | None,
+) -> mi.Vector3f:  # fmt: skip
     """Directions drawn from disks by the seeds of points and suns, or one of `RIM` on the edge.
 
-    `first` is the number of the first of them in the even sequence of the disk.
+    `sample` is their number in the even sequence of the disk.
     """
     if rim is not None:  # the directions on the edge are turned at random together
         turn = mi.Float(random_bits(number, seed, place)[0] >> 8) * TO_UNIT
         s, c = dr.sincos(2 * dr.pi / RIM * (turn + dr.opaque(mi.Float, rim)))
-        return [from_disk(centre, diameter, 0.99 * mi.Point2f(c, s))]
+        return from_disk(centre, diameter, 0.99 * mi.Point2f(c, s))
     shifts = random_bits(number, seed, place)
-    start = dr.opaque(mi.UInt32, first) if first else mi.UInt32(0)
-    uv = (shifted_point(start + i, shifts) for i in range(count))
-    return [sample_disk(centre, diameter, each) for each in uv]
+    return sample_disk(centre, diameter, shifted_point(sample, shifts))
+
+
+def _launches(pairs: mi.UInt32, samples: int) -> Iterator[mi.UInt32]:
+    """Yield parts of an array of pairs, whose directions have a lane each."""
+    step, count = max(1, SHADOW_RAYS // samples), dr.width(pairs)
+    for start in range(0, count, step):
+        lane = dr.arange(mi.UInt32, min(step, count - start)) + dr.opaque(mi.UInt32, start)
+        yield pairs if count <= step else dr.gather(mi.UInt32, pairs, lane)
 
 
 def one_sun_deposit(
@@ -293,10 +297,7 @@ def one_sun_deposit(
     openings, count = Openings.of(scene, points, within), dr.width(sun)
     of_pairs = _by_pairs(scene, openings, points, normals, suns, diameter, samples, seed, numbers)
     parts = []
-    for start in range(0, count, SHADOW_RAYS):
-        lane = dr.arange(mi.UInt32, min(SHADOW_RAYS, count - start))
-        row = lane + dr.opaque(mi.UInt32, start)
-        active = dr.full(mi.Bool, True, dr.width(row))
-        parts.append(of_pairs(row, dr.gather(mi.UInt32, sun, row), active))
+    for row in _launches(dr.arange(mi.UInt32, count), samples):
+        parts.append(of_pairs(row, dr.gather(mi.UInt32, sun, row)))
         dr.eval(parts[-1])
     return dr.concat(parts) if parts else mi.Float()

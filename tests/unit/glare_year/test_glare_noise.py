@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from drcmitsuba.annual.run import Run
+from drcmitsuba.glare_year import state
 from drcmitsuba.glare_year.eyes import eyes
 from drcmitsuba.glare_year.luminance_noise import DIM
 from drcmitsuba.glare_year.rule import Rule
@@ -69,3 +70,30 @@ def test_replicates_of_dgp_scatter_as_dgp_does():
     np.testing.assert_allclose(
         pseudo_values(rule, E, 0 * mean, 0 * E), rule.dgp(E, 0 * mean), rtol=1e-12
     )
+
+
+def test_dim_points_take_fewer_replicates_and_bright_ones_all(tmp_path, monkeypatch):
+    """Luminances agree with those of all replicates, within the noise of either."""
+    case = case_in(tmp_path)
+    backend.select()
+    light, looking = daylight(case), eyes(case)
+    run = Run.of(case, plan(case, light).scope)
+    monkeypatch.setattr(state, "FIRST", 4)
+    (all_at_once,) = places(case, "open", light, looking, run)
+    made = []
+    compute = state._coefficients
+    monkeypatch.setattr(state, "FIRST", 2)
+    monkeypatch.setattr(
+        state, "_coefficients", lambda *a: made.append((len(a[3].points), a[5])) or compute(*a)
+    )
+    (in_two,) = places(case, "open", light, looking, run)
+    (points, first), (bright, rest) = made
+    assert (first, rest) == (2, 2)
+    L = all_at_once.known.surfaces
+    assert 0 < (L > DIM).any(axis=1).sum() <= bright < points
+    assert in_two.noise.deviation.shape[0] == 4
+    both = (L > DIM) & (in_two.known.surfaces > DIM)
+    assert both.sum() > 0.95 * (L > DIM).sum()
+    assert in_two.known.surfaces[both].mean() == pytest.approx(L[both].mean(), rel=0.02)
+    dim = L < DIM / 4
+    assert in_two.known.surfaces[dim].mean() == pytest.approx(L[dim].mean(), rel=0.03)

@@ -14,7 +14,7 @@ from drcmitsuba.scene.geometry import Surface, quad
 from drcmitsuba.scene.scene import build
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import coefficients
-from drcmitsuba.transport.mirrors.image_suns import ImageSuns
+from drcmitsuba.transport.mirrors.image_suns import FAINT_CHAIN, LEAST_DRAWN, ImageSuns
 from tests.radiance import glass
 
 TAU = 0.9
@@ -270,3 +270,27 @@ def test_an_edge_behind_a_pane_cuts_the_disk_where_it_stands(aside):
     share = mirrored.sum() / disk_solid_angle(DIAMETER)
     right = (np.arccos(aside) - aside * np.sqrt(1 - aside**2)) / np.pi
     assert share == pytest.approx(right, abs=5e-3)
+
+
+def test_of_a_faint_mirror_a_share_of_the_directions_to_suns_is_drawn():
+    """One of eight receivers draws a direction, which counts eight times."""
+    faint = glass_of(material=GlazingMaterial(type="glazing", transmittance=TAU, ior=1.1))
+    assert faint.mirrors.strongest[0] < FAINT_CHAIN * LEAST_DRAWN
+    receivers = 1 << 14
+    every = (flat(np.repeat(np.reshape(x, (1, 3)), receivers, axis=0)) for x in (POINT, NORTH))
+    points, normals = every
+    few, many = (
+        faint.suns(points, normals, suns=SUNS, diameter=DIAMETER, samples=n, seed=0).numpy()
+        for n in (0, 8)
+    )
+    drawn = (few[:, 0] > 0).mean()
+    assert drawn == pytest.approx(LEAST_DRAWN, abs=4 * np.sqrt(LEAST_DRAWN / receivers))
+    lit = many[0] > 0
+    assert lit.sum() == 3  # the third sun stands behind the pane
+    for sun in np.flatnonzero(lit):
+        D = few[few[:, sun] > 0, sun]
+        np.testing.assert_allclose(D, many[:, sun].mean() / LEAST_DRAWN, rtol=0.05)
+        error = many[:, sun].mean() * np.sqrt((1 / LEAST_DRAWN - 1) / receivers)
+        assert abs(few[:, sun].mean() - many[:, sun].mean()) < 4 * error
+    both = (few[:, 0] > 0) & (few[:, 1] > 0)
+    assert both.mean() == pytest.approx(LEAST_DRAWN**2, rel=0.3)  # each sun for itself
