@@ -97,7 +97,7 @@ BAD = {
 }  # fmt: skip
 """Files that it may not, beside devices, holes and what is too large (`furnish`)."""
 SUFFIXES = (".xml", ".toml", ".obj", ".ply", ".wea", ".epw", ".csv", ".tm2", ".txt")
-SUFFIXES += (".rad", ".hbjson", ".stl", ".gltf", ".glb", ".pts", ".vf")
+SUFFIXES += (".rad", ".hbjson", ".stl", ".gltf", ".glb", ".pts", ".vf", ".ifc")
 STRANGE = [f"{kind}{s}" for kind in ("zero", "huge", "pipe", "folder", "loop") for s in SUFFIXES]
 
 

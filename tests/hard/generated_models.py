@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import base64
+import functools
 import json
 import struct
+import tempfile
 from functools import partial
 from pathlib import Path
 
@@ -14,6 +16,7 @@ from hypothesis import strategies as st
 from tests.hard.generated_files import wholes
 from tests.hard.mutations import damaged, mutated
 from tests.unit.model import box_room as box
+from tests.unit.model import gbxml_building, ifc_building
 
 MATERIALS = """void plastic wall 0 0 5 .5 .5 .5 0 0
 void glass pane 0 0 3 .96 .96 .96
@@ -238,6 +241,32 @@ def view_lists(draw):
     return ".vf", text.encode() if whole else draw(damaged(text))
 
 
+@st.composite
+def gbxmls(draw):
+    """A building in gbXML, whole, damaged or without some of its surfaces."""
+    whole, number = draw(wholes), draw(numbers)
+    surfaces = gbxml_building.surfaces(draw(st.sampled_from([1.0, 1 / gbxml_building.FOOT])))
+    if draw(st.booleans()):
+        surfaces = {name: part for name, part in surfaces.items() if draw(st.integers(0, 9))}
+    unit = draw(st.sampled_from(["Meters", "Feet", "Millimeters"]))
+    text = gbxml_building.text(surfaces.values(), unit=unit, head=f"<!-- {number} -->")
+    return ".xml", text.encode() if whole else draw(damaged(text))
+
+
+@functools.cache
+def ifc_text() -> str:
+    """A building in IFC."""
+    with tempfile.TemporaryDirectory() as folder:
+        return ifc_building.house().written(Path(folder)).read_text()
+
+
+@st.composite
+def ifcs(draw):
+    """A building in IFC, whole or damaged."""
+    whole, text = draw(wholes), f"{ifc_text()}/* {draw(numbers)} */\n"
+    return ".ifc", text.encode() if whole else draw(damaged(text))
+
+
 ORDERS = ("ascii", "binary_little_endian", "binary_big_endian")
 MODELS = {
     "model_rad": scenes(),
@@ -247,6 +276,8 @@ MODELS = {
     "model_stl": mesh_files(".stl", _stl_text, _stl),
     "model_gltf": gltfs(".gltf"),
     "model_glb": gltfs(".glb"),
+    "model_xml": gbxmls(),
+    "model_ifc": ifcs(),
     "points": sensor_lists(),
     "views": view_lists(),
 }

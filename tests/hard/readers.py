@@ -11,7 +11,7 @@ from drcmitsuba import bsdf
 from drcmitsuba.bsdf import check
 from drcmitsuba.bsdf.measured import from_measurements
 from drcmitsuba.case.reading import load_case
-from drcmitsuba.model import honeybee, mesh, radiance
+from drcmitsuba.model import gbxml, honeybee, ifc, mesh, radiance
 from drcmitsuba.model.materials import GlazingMaterial, Lambertian
 from drcmitsuba.model.model import Model, with_printable_names
 from drcmitsuba.runtime.errors import InputError
@@ -82,6 +82,10 @@ def read_model(path: Path) -> None:
         made = radiance.read([path], means=True)
     elif path.suffix == ".hbjson":
         made = honeybee.read(path)
+    elif path.suffix == ".xml":
+        made = gbxml.read(path)
+    elif path.suffix == ".ifc":
+        made = ifc.read(path)
     else:
         made = mesh.read(path, unit=1.0, materials=MATERIALS)
     _check(made)
@@ -98,6 +102,9 @@ def _check(made: Model) -> None:
         assert np.isfinite(grid.points).all()
         assert np.allclose(np.linalg.norm(grid.normals, axis=1), 1)
     assert all(note.isprintable() for note in made.notes)
+    for space in made.spaces:
+        assert space.name.isprintable()
+        assert all(floor.outline.is_valid for floor in space.floors)
 
 
 def read_sensors(path: Path) -> None:
@@ -124,7 +131,7 @@ READERS = {
     "ply": (read_a_mesh, ".ply"),
     "time_stamps": (read_stamps, ".csv"),
     **{f"model_{e}": (read_model, f".{e}") for e in ("rad", "hbjson", "obj", "ply", "stl")},
-    **{f"model_{e}": (read_model, f".{e}") for e in ("gltf", "glb")},
+    **{f"model_{e}": (read_model, f".{e}") for e in ("gltf", "glb", "xml", "ifc")},
     "points": (read_sensors, ".pts"),
     "views": (read_views, ".vf"),
 }

@@ -34,8 +34,8 @@ STRATEGIES = {
     "tmy2": generated_files.weather_years(".tm2"),
     **generated_models.MODELS,
 }
-SLOW = ("epw", "tmy3", "tmy2")
-"""Readers of 8760 rows."""
+SLOW = ("epw", "tmy3", "tmy2", "model_ifc")
+"""Readers of 8760 rows, and one that starts a process."""
 
 
 @pytest.fixture(scope="module")

@@ -32,7 +32,7 @@ LEAST = 1e-6
 
 @dataclass
 class GbxmlSurfaces:
-    """Ringss of a file by their materials, and around each space."""
+    """Polygons of a file by their materials, and around each space."""
 
     windows: Mapping[str, tuple[str, float | None]]
     """Name and visible transmittance of every window type by its identifier."""
@@ -41,7 +41,7 @@ class GbxmlSurfaces:
     metres: float
     notes: Notes
     faces: dict[str, list[np.ndarray]] = field(default_factory=dict)
-    """Ringss around each space by its identifier, counter-clockwise from its outside [m]."""
+    """Polygons around each space by its identifier, counter-clockwise from its outside [m]."""
     sorts: dict[tuple[str, str], list[tuple[str, Rings]]] = field(default_factory=dict)
     """Places and polygons by the names of their front and back."""
     panes: dict[str, list[tuple[str, Rings]]] = field(default_factory=dict)
@@ -75,7 +75,7 @@ class GbxmlSurfaces:
         self.sorts.setdefault(names, []).extend((surface.place, rings) for rings in parts)
 
     def _opened(self, surface: GbxmlEntry, ring: np.ndarray) -> list[Rings]:
-        """Ringss that the openings of a surface leave of it; adds these."""
+        """Polygons that the openings of a surface leave of it; adds these."""
         plane = Plane.of(ring)
         whole = shapely.make_valid(plane.polygon([ring]))
         rest = whole

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+
 import numpy as np
 import shapely
 
-from drcmitsuba.model.plane import Plane
-from drcmitsuba.model.polygon import quads_of
+from drcmitsuba.model.plane import Plane, Rings
+from drcmitsuba.model.polygon import NoAreaError, quads_of
 
 PARALLEL = 0.9
 """Cosine of the angle between faces of one pane, at least [–]."""
@@ -58,4 +61,11 @@ def _sheet(triangles: np.ndarray, area: np.ndarray) -> list[np.ndarray]:
     plane = Plane(plane.corner + middle * plane.normal, plane.u, plane.v, plane.normal)
     shapes = [plane.polygon([triangle]).buffer(SEAM, join_style="mitre") for triangle in triangles]
     whole = shapely.union_all(shapes).buffer(-SEAM, join_style="mitre").simplify(SEAM / 4)
-    return [quads_of(rings[0], rings[1:]) for rings in plane.rings(whole, LEAST)]
+    return list(_quads(plane.rings(whole, LEAST)))
+
+
+def _quads(every: Iterable[Rings]) -> Iterator[np.ndarray]:
+    """Quads of polygons, without those that are too thin to have an area."""
+    for rings in every:
+        with suppress(NoAreaError):
+            yield quads_of(rings[0], rings[1:])

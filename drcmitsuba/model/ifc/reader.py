@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,8 @@ from drcmitsuba.model.ifc.spaces import spaces_of
 from drcmitsuba.model.model import Layer, Location, Model, Role
 from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.unstated import GLASS, glass, note_reflectances, surface_material
-from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime import process
+from drcmitsuba.runtime.errors import InputError, printable
 
 GLAZED = ("IfcWindow", "IfcDoor", "IfcCurtainWall", "IfcPlate", "IfcMember")
 """Elements whose transparent faces are glass."""
@@ -31,6 +34,8 @@ PARTS = {
 STEEP = 0.5
 """Least vertical part of the unit normal of a floor or a ceiling [–]."""
 WHOLE = "Windows without a transparent part are glass as a whole"
+LONGEST = 1800.0
+"""Longest time that a file may take to be read [s]."""
 NO_SPACES = (
     "The file has no IfcSpace: grids lie above its floors; rooms can be named in [spaces.NAME]"
 )
@@ -39,11 +44,12 @@ NO_SPACES = (
 def read(file: Path) -> Model:
     """Read a building in IFC 2x3 or 4.
 
-    Elements are their solids, without openings; installations are left out. Faces of slabs, roofs
-    and coverings are `floor` where they face up and `ceiling` where they face down. Glass of
-    windows, doors and curtain walls is a sheet in the middle of its panes. Files state no
-    reflectances or visible transmittances in terms that programs share: those of LM-83 and of clear
-    double glazing are taken, with a note.
+    A process of its own reads it: a damaged file can bring down ifcopenshell. Elements are their
+    solids, without openings; installations are left out. Faces of slabs, roofs and coverings are
+    `floor` where they face up and `ceiling` where they face down. Glass of windows, doors and
+    curtain walls is a sheet in the middle of its panes. Files state no reflectances or visible
+    transmittances in terms that programs share: those of LM-83 and of clear double glazing are
+    taken, with a note.
 
     Parameters
     ----------
@@ -58,10 +64,21 @@ def read(file: Path) -> Model:
     Raises
     ------
     InputError
-        ifcopenshell is not installed; the file is damaged, too large, of another schema, or holds
-        no surface.
+        ifcopenshell is not installed; the file is damaged, too large, of another schema, takes
+        longer than `LONGEST`, or holds no surface.
     """
-    file = Path(file)
+    file, deadline = Path(file).absolute(), time.monotonic() + LONGEST
+    try:
+        return process.run(partial(_read, file), deadline)
+    except process.JobError as error:
+        got = f"ifcopenshell cannot read it ({printable(str(error))[:120]})"
+        raise InputError(file, "IFC", got, "check the file, or export it again") from None
+    except TimeoutError:
+        got = f"reading takes longer than {LONGEST:.0f} s"
+        raise InputError(file, "IFC", got, "leave out furniture and installations") from None
+
+
+def _read(file: Path) -> Model:
     source = opened(file)
     notes, spaces, solids = Notes(), list[IfcShape](), list[IfcShape]()
     for shape in shapes_of(file, source):

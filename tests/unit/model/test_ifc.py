@@ -1,5 +1,7 @@
 """IFC buildings: elements, glass as sheets, spaces; areas are exact."""
 
+import os
+import signal
 from collections import Counter
 
 import numpy as np
@@ -12,6 +14,7 @@ from tests import SHARED, skips
 SAMPLE = SHARED / "data" / "ifc" / "duplex_21_spaces_ifc2x3.ifc"
 ifcopenshell = skips.module("ifcopenshell")
 from drcmitsuba.model import ifc  # noqa: E402
+from drcmitsuba.model.ifc import reader  # noqa: E402
 from tests.unit.model import ifc_building as building  # noqa: E402
 
 
@@ -107,3 +110,15 @@ def test_a_duplex_has_its_rooms_and_windows():
     windows = {f"IfcWindow {each.GlobalId}" for each in source.by_type("IfcWindow")}
     assert windows <= set(glass.places)
     assert {space.storey for space in model.spaces} == {"Level 1", "Level 2", "Roof"}
+
+
+def test_a_file_that_brings_down_the_library_is_one_line(tmp_path, monkeypatch):
+    """A damaged file ends ifcopenshell by SIGSEGV: it is read by a process of its own."""
+    file = building.house().written(tmp_path)
+    monkeypatch.setattr(reader, "_read", _ended)
+    with pytest.raises(InputError, match=r"cannot read it \(SIGSEGV\); check the file"):
+        ifc.read(file)
+
+
+def _ended(file):
+    os.kill(os.getpid(), signal.SIGSEGV)
