@@ -86,6 +86,15 @@ def glass(cos_theta: np.ndarray, transmissivity: float) -> tuple[np.ndarray, np.
     return tau, rho
 
 
+def transmissivity(tau: float) -> float:
+    """Share of light left after one pass of a pane of transmittance tau, by bisection."""
+    low, high = 0.0, 1.0
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if glass(np.ones(1), middle)[0][0] < tau else (low, middle)
+    return low
+
+
 def _write_hours(
     times: np.ndarray, dni: np.ndarray, dhi: np.ndarray, site: Site, folder: Path
 ) -> None:

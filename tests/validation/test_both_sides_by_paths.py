@@ -26,11 +26,12 @@ from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
+from tests.radiance import transmissivity
 from tests.validation.calibration.comparison import by_paths
 from tests.validation.calibration.rooms import Room
 
 pytestmark = pytest.mark.slow
-GLASS = 0.65
+GLASS, INDEX = 0.65, 1.52
 BOTTOM, TOP = 0.9, 2.1
 """Height of the windows above the floor [m]."""
 
@@ -103,9 +104,9 @@ def face(name, kind, ring, rho, apertures=()):
 
 def room_of(name, box):
     """HBJSON room of a box."""
-    glass = {
+    clear = {
         "type": "Glass", "identifier": "glass",
-        **{f"{c}_transmissivity": GLASS / 0.9166 for c in "rgb"},
+        **{f"{c}_transmissivity": transmissivity(GLASS) for c in "rgb"},
     }  # fmt: skip
     ring = wall(box, box.side, (1 / 3, 2 / 3), (BOTTOM, TOP))
     pane = {
@@ -113,7 +114,7 @@ def room_of(name, box):
         "geometry": {"type": "Face3D", "boundary": ring},
         "boundary_condition": {"type": "Outdoors"},
         "properties": {"type": "AperturePropertiesAbridged", "radiance": {
-            "type": "ApertureRadianceProperties", "modifier": glass}},
+            "type": "ApertureRadianceProperties", "modifier": clear}},
     }  # fmt: skip
     faces = [face(f"{name}_floor", "Floor", level(box, 0.0), box.floor)]
     faces += [face(f"{name}_ceiling", "RoofCeiling", level(box, box.size[2]), box.ceiling)]
@@ -151,7 +152,7 @@ def alone(box):
     strip = {"bottom": BOTTOM, "top": TOP, "material": "glass", "segments": [1]}
     return Case.model_validate({
         "room": {"size": box.size, "floor": box.floor, "walls": box.wall, "ceiling": box.ceiling},
-        "materials": {"glass": {"type": "glazing", "transmittance": GLASS}},
+        "materials": {"glass": {"type": "glazing", "transmittance": GLASS, "ior": INDEX}},
         "facade": {box.side: {"segments": 3, "strips": [strip]}},
         "sensors": {"points": box.sensors.tolist()},
     })  # fmt: skip

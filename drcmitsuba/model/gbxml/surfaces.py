@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -16,6 +17,7 @@ from drcmitsuba.model.model import Layer, Role
 from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.plane import Plane, Rings
 from drcmitsuba.model.polygon import NoAreaError, area_vector, quads_of
+from drcmitsuba.model.shared_walls import UNSTATED, RoomFace, sheets_of
 from drcmitsuba.model.unstated import GLASS, glass, surface_material
 
 OPEN = "Air"
@@ -26,8 +28,20 @@ OFF_PLANE = 0.05
 """Largest distance of an opening from the plane of its surface [m]."""
 BEYOND = "Openings are cut at the edge of their surface beyond which they reach"
 CLOSED = "Gaps between the surfaces of spaces are closed by opaque ones"
+TOUCHING = 0.01
+"""Distance within which surfaces of two spaces lie in one place [m]."""
 LEAST = 1e-6
 """Area below which a polygon is left out [m²]."""
+
+
+class OneSided(NamedTuple):
+    """Polygon of a surface that names one space."""
+
+    place: str
+    space: str
+    side: str
+    """Name of its side towards the space."""
+    rings: Rings
 
 
 @dataclass
@@ -44,6 +58,8 @@ class GbxmlSurfaces:
     """Polygons around each space by its identifier, counter-clockwise from its outside [m]."""
     sorts: dict[tuple[str, str], list[tuple[str, Rings]]] = field(default_factory=dict)
     """Places and polygons by the names of their front and back."""
+    alone: list[OneSided] = field(default_factory=list)
+    """Polygons of surfaces that name one space."""
     panes: dict[str, list[tuple[str, Rings]]] = field(default_factory=dict)
     """Places and polygons of windows by the names of their glass."""
     glass: dict[str, GlazingMaterial] = field(default_factory=dict)
@@ -71,7 +87,10 @@ class GbxmlSurfaces:
         parts = self._opened(surface, ring)
         if kind == OPEN:
             return
-        names = ("shade", "shade") if not named or kind in CONTEXT else _sides(ring, len(named))
+        if len(named) == 1 and kind not in CONTEXT:
+            self.alone += [OneSided(surface.place, named[0], _side(ring), own) for own in parts]
+            return
+        names = ("shade", "shade") if not named or kind in CONTEXT else _sides(ring)
         self.sorts.setdefault(names, []).extend((surface.place, rings) for rings in parts)
 
     def _opened(self, surface: GbxmlEntry, ring: np.ndarray) -> list[Rings]:
@@ -137,8 +156,21 @@ class GbxmlSurfaces:
                 piece = f"gap of Space {space.attribute('id')}", gap
                 self.sorts.setdefault((side, side), []).append(piece)
 
+    def _sort_alone(self) -> None:
+        """Sort the polygons that name one space; what two of them share has a side for each."""
+        faces = [RoomFace(each.rings, each.space) for each in self.alone]
+        for own, sheets in zip(self.alone, sheets_of(faces, TOUCHING), strict=True):
+            for rings, other in sheets:
+                names = "outside", own.side
+                if other is not None:
+                    behind = self.alone[other]
+                    self.notes.add(UNSTATED, f"{own.place} and {behind.place}")
+                    names = own.side, behind.side  # the front of such a part faces its own space
+                self.sorts.setdefault(names, []).append((own.place, rings))
+
     def layers(self) -> Iterator[Layer]:
         """Layers of the surfaces, then of the windows."""
+        self._sort_alone()
         for (front, back), pieces in self.sorts.items():
             quads, polygon, places = self._quads(pieces)
             if not len(quads):
@@ -180,8 +212,13 @@ def _same(first: np.ndarray, second: np.ndarray) -> bool:
     return bool(np.abs(one - other).max() < NEAR)
 
 
-def _sides(ring: np.ndarray, spaces: int) -> tuple[str, str]:
-    """Names of front and back of a surface that faces out of the first of its spaces."""
-    kind = {(True, False): ("ceiling", "floor"), (False, True): ("floor", "ceiling")}
-    front, back = kind.get((is_floor(ring), is_ceiling(ring)), ("wall", "wall"))
-    return (front, back) if spaces > 1 else ("outside", back)
+def _side(ring: np.ndarray) -> str:
+    """Name of the side of a surface towards the space out of which it faces."""
+    if is_floor(ring) == is_ceiling(ring):
+        return "wall"
+    return "floor" if is_floor(ring) else "ceiling"
+
+
+def _sides(ring: np.ndarray) -> tuple[str, str]:
+    """Names of front and back of a surface that faces out of the first of its two spaces."""
+    return _side(ring[::-1]), _side(ring)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,6 +14,7 @@ from drcmitsuba.model.honeybee.modifiers import Modifiers
 from drcmitsuba.model.honeybee.overlap import Overlap
 from drcmitsuba.model.model import Role
 from drcmitsuba.model.plane import Plane
+from drcmitsuba.model.shared_walls import UNSTATED, RoomFace, sheets_of
 
 FAMILIES = {"Wall": "wall_set", "Floor": "floor_set", "RoofCeiling": "roof_ceiling_set"}
 """Key in a modifier set of each type of face that is a surface."""
@@ -66,15 +67,16 @@ class Walk:
 
     def pieces(self) -> Iterator[Piece]:
         """Every polygon of the model; what two rooms share is there once, with two sides."""
+        touching = self._touching()
         for room in self.model.entries("rooms"):
             if room.number("multiplier", 1) > 1:
                 self.modifiers.notes.add("Multipliers of rooms are left out", room.place)
             room_set = self.modifiers.set_of(room)
             for face in room.entries("faces"):
-                yield from self._face(face, room_set)
+                yield from self._face(face, room_set, touching)
             yield from self._shades(room, room_set)
         for face in self.model.entries("orphaned_faces"):
-            yield from self._face(face, None)
+            yield from self._face(face, None, touching)
         for pane in self.model.entries("orphaned_apertures"):
             yield from self._pane(pane, "Aperture", "Wall", None)
         for door in self.model.entries("orphaned_doors"):
@@ -82,7 +84,40 @@ class Walk:
         for shade in self.model.entries("orphaned_shades"):
             yield self._shade(shade, None, "", "context_modifier", "context")
 
-    def _face(self, face: JsonEntry, room_set: JsonEntry | None) -> Iterator[Piece]:
+    def _touching(self) -> dict[str, list[Piece]]:
+        """Pieces of faces that touch others, which the file does not say, by their identifiers."""
+        alone = [
+            (room.identifier(), TouchingObject(face, self.modifiers.set_of(room)))
+            for room in self.model.entries("rooms")
+            for face in room.entries("faces")
+            if face.text("face_type") in FAMILIES and self._condition(face) != "Surface"
+        ]
+        faces = [RoomFace(opened_rings(face.source), room) for room, face in alone]
+        out = {}
+        every = zip(alone, faces, sheets_of(faces, self.tolerance), strict=True)
+        for (_, own), face, sheets in every:
+            if len(sheets) == 1 and sheets[0].rings is face.rings:
+                continue
+            pieces, name = list[Piece](), self._modifier(own.source, own.room_set)
+            for rings, other in sheets:
+                behind = ""
+                if other is not None:
+                    twin = alone[other][1]
+                    behind = self._modifier(twin.source, twin.room_set)
+                    self.modifiers.notes.add(
+                        UNSTATED, f"{own.source.place} and {twin.source.place}"
+                    )
+                pieces.append(
+                    Piece(
+                        own.source, name, "surface", rings, behind=behind if behind != name else ""
+                    )
+                )
+            out[own.source.identifier()] = pieces
+        return out
+
+    def _face(
+        self, face: JsonEntry, room_set: JsonEntry | None, touching: Mapping[str, list[Piece]]
+    ) -> Iterator[Piece]:
         kind = face.text("face_type") or "missing"
         if kind not in FAMILIES and kind not in OPENINGS:
             raise face.refuse("face_type", kind, f"choose one of {', '.join(FAMILIES)}")
@@ -90,7 +125,8 @@ class Walk:
         if self._is_kept(face, "Face") and kind in FAMILIES:
             name, rings = self._modifier(face, room_set), opened_rings(face)
             if self._condition(face) != "Surface":
-                yield Piece(face, name, "surface", rings)
+                own = [Piece(face, name, "surface", rings)]
+                yield from touching.get(face.identifier(), own)
             else:
                 yield from self._shared(face, name, rings)
             for hole in walls_in_panes(face):

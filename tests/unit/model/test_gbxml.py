@@ -187,3 +187,30 @@ def test_areas_and_numbers_are_those_that_files_state(file):
     ]
     panes = {place for layer in model.layers if layer.role == "pane" for place in layer.places}
     assert panes == {f"Opening {name}" for name in opened}
+
+
+def test_surfaces_in_one_place_are_one_with_a_side_for_each_space(tmp_path):
+    """A slab that a file states twice, once for each storey, is the slab that it states once."""
+    stated = house.surfaces()
+    twice = {name: part for name, part in stated.items() if not name.startswith("slab")}
+    for room, x in (("a", 0.0), ("b", 4.0)):
+        ring = house.rect(2, 3, (x, 0), (x + 4, 5))
+        twice[f"ceiling {room}"] = house.surface(f"ceiling {room}", "Ceiling", ring, [room])
+    ring = house.rect(2, 3, (0, 0), (8, 5))[::-1]
+    twice["floor c"] = house.surface("floor c", "RaisedFloor", ring, ["c"])
+    one, two = (
+        gbxml.read(house.written(tmp_path, house.text(parts.values()))) for parts in (stated, twice)
+    )
+
+    def by_sides(model):
+        """Area of the sides of opaque layers [m²], by their names."""
+        out = {}
+        for layer in model.layers:
+            out[layer.names] = out.get(layer.names, 0) + areas(layer.quads).sum()
+        slab = out.pop(("ceiling", "floor"), 0) + out.pop(("floor", "ceiling"), 0)
+        return out | {"slab": slab}
+
+    assert by_sides(one) == pytest.approx(by_sides(two))
+    assert by_sides(one)["slab"] == pytest.approx(40.0)
+    assert any("in one place" in note for note in two.notes)
+    assert not any("in one place" in note for note in one.notes)

@@ -10,7 +10,7 @@ from drcmitsuba.case.reading import load_case
 from drcmitsuba.model import glass, honeybee
 from drcmitsuba.model.honeybee.modifiers import DEFAULT_SET, GLASS, PLASTIC
 from drcmitsuba.model.materials import DiffuserMaterial, Lambertian, MirrorMaterial
-from drcmitsuba.model.model import View
+from drcmitsuba.model.model import View, areas
 from drcmitsuba.model.polygon import area_vector
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.floors_of_model import rooms_of
@@ -525,3 +525,46 @@ def test_the_default_set_is_the_one_that_honeybee_writes():
     for name, transmittance in GLASS.items():
         pane = glass.transmissivity(transmittance, 1.52)
         assert modifiers[name]["r_transmissivity"] == pytest.approx(pane, abs=1e-6)
+
+
+def test_faces_in_one_place_are_one_sheet_in_whole_or_in_part(tmp_path):
+    """A hall above two rooms, which the file does not tell: shared parts, and what is left."""
+
+    def room(name, low, high, rho):
+        (x, y, z), (u, v, w) = low, high
+        rings = {
+            "Floor": [[x, y, z], [x, v, z], [u, v, z], [u, y, z]],
+            "RoofCeiling": [[x, y, w], [u, y, w], [u, v, w], [x, v, w]],
+        }
+        modifier = {"type": "Plastic", "identifier": f"of {name}"}
+        modifier |= {f"{c}_reflectance": rho for c in "rgb"}
+        return {
+            "type": "Room", "identifier": name, "properties": {"type": "RoomProperties"},
+            "faces": [
+                {"type": "Face", "identifier": f"{name}_{kind}", "face_type": kind,
+                 "geometry": {"type": "Face3D", "boundary": ring},
+                 "boundary_condition": {"type": "Outdoors"},
+                 "properties": {"type": "FaceProperties", "radiance": {
+                     "type": "FaceRadianceProperties", "modifier": modifier}}}
+                for kind, ring in rings.items()
+            ],
+        }  # fmt: skip
+
+    made = {
+        "type": "Model", "identifier": "house", "units": "Meters", "tolerance": 0.01,
+        "rooms": [room("a", (0, 0, 0), (3, 4, 3), 0.8), room("b", (3, 0, 0), (6, 4, 3), 0.5),
+                  room("c", (1, -1, 3), (7, 4, 6), 0.2)],
+        "properties": {"type": "ModelProperties", "radiance": {
+            "type": "ModelRadianceProperties"}},
+    }  # fmt: skip
+    (tmp_path / "house.hbjson").write_text(json.dumps(made))
+    model = honeybee.read(tmp_path / "house.hbjson")
+    area = {}
+    for layer in model.layers:
+        area[layer.names] = area.get(layer.names, 0) + areas(layer.quads).sum()
+    # Floors and ceilings of 12, 12 and 30 m²; 8 and 12 m² are shared.
+    assert area == pytest.approx({
+        ("of a", "of c"): 8, ("of b", "of c"): 12, ("of a",): 12 + 4, ("of b",): 12,
+        ("of c",): 30 + 30 - 20,
+    })  # fmt: skip
+    assert any("in one place" in note for note in model.notes)

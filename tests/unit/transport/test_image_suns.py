@@ -15,7 +15,7 @@ from drcmitsuba.scene.scene import build
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import coefficients
 from drcmitsuba.transport.mirrors.image_suns import FAINT_CHAIN, LEAST_DRAWN, ImageSuns
-from tests.radiance import glass
+from tests.radiance import glass, transmissivity
 
 TAU = 0.9
 PANE = GlazingMaterial(type="glazing", transmittance=TAU, ior=1.52)
@@ -55,22 +55,13 @@ SUNS /= np.linalg.norm(SUNS, axis=1, keepdims=True)
 
 def test_mirrored_suns_have_fresnels_reflectance():
     d = 2 * np.pi * (1 - np.cos(np.radians(DIAMETER / 2)))
-    t = radiance_transmissivity(TAU)
+    t = transmissivity(TAU)
     rho = np.where(SUNS[:, 1] < 0, glass(-SUNS[:, 1], t)[1], 0)
     # The mirrored suns stand north of the point, as high as the suns.
     for normal, cosine in ((NORTH, -SUNS[:, 1]), (UP, SUNS[:, 2])):
         np.testing.assert_allclose(
             by_suns(glass_of(), POINT, normal, SUNS), d * rho * cosine, rtol=5e-3, atol=1e-9
         )
-
-
-def radiance_transmissivity(tau):
-    """Share of light left after one pass of a pane of transmittance tau, by bisection."""
-    low, high = 0.0, 1.0
-    for _ in range(60):
-        middle = (low + high) / 2
-        low, high = (middle, high) if glass(np.ones(1), middle)[0][0] < tau else (low, middle)
-    return low
 
 
 def test_the_mirrored_sky_is_that_of_its_reflectance():
@@ -80,7 +71,7 @@ def test_the_mirrored_sky_is_that_of_its_reflectance():
         .numpy()[0]
     )
     c = (np.arange(4000) + 0.5) / 4000
-    rho = glass(c, radiance_transmissivity(TAU))[1]
+    rho = glass(c, transmissivity(TAU))[1]
     assert D.sum() == pytest.approx(2 * np.pi * (rho * c).mean(), rel=2e-3)
     assert D[0] == pytest.approx(D[1:].sum(), rel=0.02)  # ground and sky share the view
 
@@ -203,7 +194,7 @@ def test_a_facade_of_many_panes_is_one_rectangle():
     assert [len(seen) for seen in images.mirrors.rectangles] == [2]
     assert images.mirrors.left_out == 0
     sun = np.array([[0.0, -0.8, 0.6]])
-    rho = glass(np.array([0.8]), radiance_transmissivity(TAU))[1][0]
+    rho = glass(np.array([0.8]), transmissivity(TAU))[1][0]
     on_pane, on_gap = (np.array([[u, -0.5, 0.0]]) for u in (0.45, 0.95))
     assert by_suns(images, on_pane, NORTH, sun)[0] == pytest.approx(rho * OMEGA * 0.8, rel=5e-3)
     assert by_suns(images, on_gap, NORTH, sun)[0] == 0

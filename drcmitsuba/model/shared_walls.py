@@ -1,0 +1,118 @@
+"""Faces of two rooms that lie in one place: one sheet with a side for each room.
+
+Without it, rounding would decide which of the two a ray meets, and either room would get the
+other's reflectance. Files may state such pairs; here they are found by their geometry, also where a
+face lies along several others or on a part of one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+
+from drcmitsuba.model.plane import Plane, Rings
+from drcmitsuba.model.polygon import area_vector
+
+UNSTATED = (
+    "Faces of two rooms lie in one place, which the file does not say: they are one wall with a "
+    "side for each room"
+)
+"""Note on such faces."""
+PARALLEL = 1e-3
+"""Largest difference of unit normals of faces in one plane."""
+
+
+class RoomFace(NamedTuple):
+    """Opaque face of a room."""
+
+    rings: Rings
+    """Outline, counter-clockwise from outside the room, and holes."""
+    room: str
+
+
+class Sheet(NamedTuple):
+    """Part of a face, with what lies behind it."""
+
+    rings: Rings
+    """As those of the face, or, of a part that is shared, with the front towards its room."""
+    behind: int | None = None
+    """Index of the face of another room on its back; None without any."""
+
+
+def sheets_of(faces: Sequence[RoomFace], tolerance: float) -> list[list[Sheet]]:
+    """Sheets of every face.
+
+    Parameters
+    ----------
+    faces : sequence of RoomFace
+    tolerance : float
+        Distance within which faces lie in one plane, and width of the smallest part, in the unit of
+        the faces.
+
+    Returns
+    -------
+    list of list of Sheet, by face
+        What two faces share is a sheet of the first of them alone. Faces that share nothing stay
+        as they are.
+    """
+    shared: list[list[Sheet]] = [[] for _ in faces]
+    rest = [[face.rings] for face in faces]
+    for plane, one, other in _pairs(faces, tolerance):
+        mine, theirs = (_shape(plane, rest[i]) for i in (one, other))
+        both = mine & theirs
+        if both.area <= tolerance * both.length:
+            continue
+        common = plane.rings(both, tolerance**2)
+        shared[one] += [Sheet(tuple(ring[::-1] for ring in own), other) for own in common]
+        rest[one] = _wide(plane, mine - both, tolerance)
+        outward = _wide(plane, theirs - both, tolerance)
+        rest[other] = [tuple(ring[::-1] for ring in own) for own in outward]
+    return [
+        [*sheets, *(Sheet(rings) for rings in own)]
+        for sheets, own in zip(shared, rest, strict=True)
+    ]
+
+
+def _shape(plane: Plane, parts: Sequence[Rings]) -> Any:
+    """Parts of a face as a shape in a plane; empty where an outline crosses itself."""
+    outlines = [plane.polygon(rings[:1]) for rings in parts]
+    holes = [plane.polygon([hole]) for rings in parts for hole in rings[1:] if len(hole) > 2]
+    if not all(shape.is_valid for shape in (*outlines, *holes)):
+        return shapely.Polygon()
+    return shapely.union_all(outlines) - shapely.union_all(holes)
+
+
+def _wide(plane: Plane, shape: Any, tolerance: float) -> list[Rings]:
+    """Polygons of a shape that are wider than a tolerance; their front is the plane's."""
+    parts = [part for part in shapely.get_parts(shape) if part.area > tolerance * part.length / 2]
+    return plane.rings(shapely.MultiPolygon(parts), tolerance**2) if parts else []
+
+
+def _pairs(faces: Sequence[RoomFace], tolerance: float) -> Iterator[tuple[Plane, int, int]]:
+    """Faces of two rooms in one plane that look at each other's back and may overlap.
+
+    The front of the plane is that of the first face.
+    """
+    vectors = np.array([area_vector(face.rings[0]) for face in faces]).reshape(-1, 3)
+    size = np.linalg.norm(vectors, axis=1)
+    some = np.flatnonzero(size > 0)
+    if len(some) < 2:
+        return
+    normals = vectors[some] / size[some, None]
+    corners = [np.asarray(faces[i].rings[0]) for i in some.tolist()]
+    low = np.array([c.min(axis=0) for c in corners]) - tolerance
+    high = np.array([c.max(axis=0) for c in corners]) + tolerance
+    tree = shapely.STRtree(shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
+    first, second = tree.query(tree.geometries, predicate="intersects")
+    kept = (first < second) & ((low[first] <= high[second]) & (low[second] <= high[first])).all(1)
+    kept &= np.linalg.norm(normals[first] + normals[second], axis=1) < PARALLEL
+    for a, b in zip(first[kept].tolist(), second[kept].tolist(), strict=True):
+        one, other = int(some[a]), int(some[b])
+        if faces[one].room == faces[other].room:
+            continue
+        plane = Plane.of(corners[a])
+        if plane.distance(corners[b]) <= tolerance:
+            yield plane, one, other
