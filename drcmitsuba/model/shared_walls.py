@@ -1,8 +1,9 @@
-"""Faces of two rooms that lie in one place: one sheet with a side for each room.
+"""Faces that lie in one place: those of two rooms are one sheet with a side for each room.
 
-Without it, rounding would decide which of the two a ray meets, and either room would get the
-other's reflectance. Files may state such pairs; here they are found by their geometry, also where a
-face lies along several others or on a part of one.
+Else rounding would decide which of the two a ray meets, and either room would get the other's
+reflectance. Files may state such pairs; here they are found by their geometry, also where a face
+lies along several others or on a part of one. What lies on a room's face from outside, as a shade,
+is left out there by `uncovered`.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ UNSTATED = (
 )
 """Note on such faces."""
 PARALLEL = 1e-3
-"""Largest difference of unit normals of faces in one plane."""
+"""Largest sine of the angle between normals of faces in one plane."""
 
 
 class RoomFace(NamedTuple):
@@ -76,6 +77,35 @@ def sheets_of(faces: Sequence[RoomFace], tolerance: float) -> list[list[Sheet]]:
     ]
 
 
+def uncovered(
+    polygons: Sequence[Rings], covers: Sequence[Rings], tolerance: float
+) -> list[list[Rings]]:
+    """Parts of polygons on which no other polygon lies.
+
+    Parameters
+    ----------
+    polygons, covers : sequence of Rings
+        Outlines and holes, with fronts to either side.
+    tolerance : float
+        As for `sheets_of`.
+
+    Returns
+    -------
+    list of list of Rings, by polygon
+        Those that nothing covers are as they came; others keep their front.
+    """
+    out = [[rings] for rings in polygons]
+    count = len(polygons)
+    for plane, one, other in _in_one_plane([*polygons, *covers], tolerance):
+        if one >= count or other < count or not out[one]:
+            continue
+        mine = _shape(plane, out[one])
+        both = mine & _shape(plane, [covers[other - count]])
+        if both.area > tolerance * both.length:
+            out[one] = _wide(plane, mine - both, tolerance)
+    return out
+
+
 def _shape(plane: Plane, parts: Sequence[Rings]) -> Any:
     """Parts of a face as a shape in a plane; empty where an outline crosses itself."""
     outlines = [plane.polygon(rings[:1]) for rings in parts]
@@ -96,23 +126,31 @@ def _pairs(faces: Sequence[RoomFace], tolerance: float) -> Iterator[tuple[Plane,
 
     The front of the plane is that of the first face.
     """
-    vectors = np.array([area_vector(face.rings[0]) for face in faces]).reshape(-1, 3)
+    for plane, one, other in _in_one_plane([face.rings for face in faces], tolerance):
+        away = area_vector(faces[other].rings[0]) @ plane.normal < 0
+        if away and faces[one].room != faces[other].room:
+            yield plane, one, other
+
+
+def _in_one_plane(polygons: Sequence[Rings], tolerance: float) -> Iterator[tuple[Plane, int, int]]:
+    """Polygons in one plane that may overlap, the first of lower index.
+
+    The front of the plane is that of the first polygon.
+    """
+    vectors = np.array([area_vector(rings[0]) for rings in polygons]).reshape(-1, 3)
     size = np.linalg.norm(vectors, axis=1)
     some = np.flatnonzero(size > 0)
     if len(some) < 2:
         return
     normals = vectors[some] / size[some, None]
-    corners = [np.asarray(faces[i].rings[0]) for i in some.tolist()]
+    corners = [np.asarray(polygons[i][0]) for i in some.tolist()]
     low = np.array([c.min(axis=0) for c in corners]) - tolerance
     high = np.array([c.max(axis=0) for c in corners]) + tolerance
     tree = shapely.STRtree(shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
     first, second = tree.query(tree.geometries, predicate="intersects")
     kept = (first < second) & ((low[first] <= high[second]) & (low[second] <= high[first])).all(1)
-    kept &= np.linalg.norm(normals[first] + normals[second], axis=1) < PARALLEL
+    kept &= np.linalg.norm(np.cross(normals[first], normals[second]), axis=1) < PARALLEL
     for a, b in zip(first[kept].tolist(), second[kept].tolist(), strict=True):
-        one, other = int(some[a]), int(some[b])
-        if faces[one].room == faces[other].room:
-            continue
         plane = Plane.of(corners[a])
         if plane.distance(corners[b]) <= tolerance:
-            yield plane, one, other
+            yield plane, int(some[a]), int(some[b])

@@ -10,19 +10,22 @@ import numpy as np
 import shapely
 
 from drcmitsuba.model.gbxml.entries import GbxmlEntry
-from drcmitsuba.model.gbxml.gaps import NEAR, gaps_of
+from drcmitsuba.model.gbxml.gaps import LEAST as LEAST_GAP
+from drcmitsuba.model.gbxml.gaps import gaps_of
 from drcmitsuba.model.gbxml.spaces import is_ceiling, is_floor
 from drcmitsuba.model.materials import GlazingMaterial, two_sided
 from drcmitsuba.model.model import Layer, Role
 from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.plane import Plane, Rings
 from drcmitsuba.model.polygon import NoAreaError, area_vector, quads_of
-from drcmitsuba.model.shared_walls import UNSTATED, RoomFace, sheets_of
+from drcmitsuba.model.shared_walls import UNSTATED, RoomFace, sheets_of, uncovered
 from drcmitsuba.model.unstated import GLASS, glass, surface_material
 
 OPEN = "Air"
 """Kind of a surface or an opening that is no surface."""
 CONTEXT = ("Shade",)
+SHADES = ("shade", "shade")
+"""Names of both sides of a shade."""
 DOORS = ("NonSlidingDoor", "SlidingDoor")
 OFF_PLANE = 0.05
 """Largest distance of an opening from the plane of its surface [m]."""
@@ -90,7 +93,7 @@ class GbxmlSurfaces:
         if len(named) == 1 and kind not in CONTEXT:
             self.alone += [OneSided(surface.place, named[0], _side(ring), own) for own in parts]
             return
-        names = ("shade", "shade") if not named or kind in CONTEXT else _sides(ring)
+        names = SHADES if not named or kind in CONTEXT else _sides(ring)
         self.sorts.setdefault(names, []).extend((surface.place, rings) for rings in parts)
 
     def _opened(self, surface: GbxmlEntry, ring: np.ndarray) -> list[Rings]:
@@ -138,13 +141,18 @@ class GbxmlSurfaces:
 
     def close(self, spaces: Sequence[GbxmlEntry]) -> None:
         """Close the gaps of spaces by surfaces, which have the same on both sides; notes them."""
-        closed = list[np.ndarray]()
+        covers: list[Rings] = [(ring,) for rings in self.faces.values() for ring in rings]
         for space in spaces:
             rings = self.faces.get(space.attribute("id"), [])
-            gaps = [g for g in gaps_of(rings) if not any(_same(g[0], ring) for ring in closed)]
+            gaps = [
+                part
+                for gap in gaps_of(rings)
+                for part in uncovered([gap], covers, TOUCHING)[0]
+                if Plane.of(part[0]).polygon(part).area > LEAST_GAP
+            ]
             if not gaps:
                 continue
-            closed += [gap[0] for gap in gaps]
+            covers += gaps
             name = space.text("Name") or space.attribute("id")
             area = sum(float(Plane.of(gap[0]).polygon(gap).area) for gap in gaps)
             self.notes.add(CLOSED, f"{name} ({area:.2f} m²)")
@@ -168,9 +176,20 @@ class GbxmlSurfaces:
                     names = own.side, behind.side  # the front of such a part faces its own space
                 self.sorts.setdefault(names, []).append((own.place, rings))
 
+    def _uncover_shades(self) -> None:
+        """Leave out parts of shades that lie on surfaces of spaces, whose rooms would see them."""
+        shades = self.sorts.pop(SHADES, [])
+        covers = [rings for pieces in self.sorts.values() for _, rings in pieces]
+        covers += [rings for pieces in self.panes.values() for _, rings in pieces]
+        parts = uncovered([rings for _, rings in shades], covers, TOUCHING)
+        left = [(place, one) for (place, _), own in zip(shades, parts, strict=True) for one in own]
+        if left:
+            self.sorts[SHADES] = left
+
     def layers(self) -> Iterator[Layer]:
         """Layers of the surfaces, then of the windows."""
         self._sort_alone()
+        self._uncover_shades()
         for (front, back), pieces in self.sorts.items():
             quads, polygon, places = self._quads(pieces)
             if not len(quads):
@@ -178,7 +197,7 @@ class GbxmlSurfaces:
             material = surface_material(front)
             if back != front:
                 material = two_sided(material, surface_material(back))
-            role: Role = "context" if front == back == "shade" else "surface"
+            role: Role = "context" if (front, back) == SHADES else "surface"
             behind = back if back != front else ""
             yield Layer(front, material, role, quads, polygon, places, behind=behind)
         for name, pieces in self.panes.items():
@@ -204,12 +223,6 @@ class GbxmlSurfaces:
             polygons.append(np.full(len(quads), k))
         places = tuple(place for place, _ in pieces)
         return np.concatenate(parts), np.concatenate(polygons), places
-
-
-def _same(first: np.ndarray, second: np.ndarray) -> bool:
-    """Whether polygons (corner, 3) have the same middle and extent."""
-    one, other = (np.stack([r.min(axis=0), r.max(axis=0)]) for r in (first, second))
-    return bool(np.abs(one - other).max() < NEAR)
 
 
 def _side(ring: np.ndarray) -> str:

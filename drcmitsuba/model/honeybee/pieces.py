@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,10 +14,12 @@ from drcmitsuba.model.honeybee.modifiers import Modifiers
 from drcmitsuba.model.honeybee.overlap import Overlap
 from drcmitsuba.model.model import Role
 from drcmitsuba.model.plane import Plane
-from drcmitsuba.model.shared_walls import UNSTATED, RoomFace, sheets_of
+from drcmitsuba.model.shared_walls import UNSTATED, RoomFace, sheets_of, uncovered
 
 FAMILIES = {"Wall": "wall_set", "Floor": "floor_set", "RoofCeiling": "roof_ceiling_set"}
 """Key in a modifier set of each type of face that is a surface."""
+OF_ROOMS = ("Face", "Aperture", "Door")
+"""Types of objects around rooms."""
 OPENINGS = ("AirBoundary", "AirWall")
 """Types of faces that are no surface; the second is the name in files before 2020."""
 
@@ -65,8 +67,22 @@ class Walk:
     tolerance: float
     """Largest distance at which two points of the file count as one, in its units."""
 
-    def pieces(self) -> Iterator[Piece]:
-        """Every polygon of the model; what two rooms share is there once, with two sides."""
+    def pieces(self) -> list[Piece]:
+        """Every polygon of the model; what two rooms share is there once, with two sides.
+
+        Parts of context that lie on faces and panes of rooms are left out: rooms would see them.
+        """
+        every = list(self._pieces())
+        covers = [piece.rings for piece in every if piece.source.text("type") in OF_ROOMS]
+        context = [piece for piece in every if piece.role == "context"]
+        parts = iter(uncovered([piece.rings for piece in context], covers, self.tolerance))
+        return [
+            piece if rings is piece.rings else replace(piece, rings=rings)
+            for piece in every
+            for rings in (next(parts) if piece.role == "context" else (piece.rings,))
+        ]
+
+    def _pieces(self) -> Iterator[Piece]:
         touching = self._touching()
         for room in self.model.entries("rooms"):
             if room.number("multiplier", 1) > 1:

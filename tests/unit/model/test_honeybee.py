@@ -550,8 +550,13 @@ def test_faces_in_one_place_are_one_sheet_in_whole_or_in_part(tmp_path):
             ],
         }  # fmt: skip
 
+    ground = [[-1, 0, 0], [3, 0, 0], [3, 4, 0], [-1, 4, 0]]
+    shade = {"type": "Shade", "identifier": "ground", "is_detached": True,
+             "geometry": {"type": "Face3D", "boundary": ground},
+             "properties": {"type": "ShadeProperties"}}  # fmt: skip
     made = {
         "type": "Model", "identifier": "house", "units": "Meters", "tolerance": 0.01,
+        "orphaned_shades": [shade],
         "rooms": [room("a", (0, 0, 0), (3, 4, 3), 0.8), room("b", (3, 0, 0), (6, 4, 3), 0.5),
                   room("c", (1, -1, 3), (7, 4, 6), 0.2)],
         "properties": {"type": "ModelProperties", "radiance": {
@@ -562,9 +567,9 @@ def test_faces_in_one_place_are_one_sheet_in_whole_or_in_part(tmp_path):
     area = {}
     for layer in model.layers:
         area[layer.names] = area.get(layer.names, 0) + areas(layer.quads).sum()
-    # Floors and ceilings of 12, 12 and 30 m²; 8 and 12 m² are shared.
+    # Floors and ceilings of 12, 12 and 30 m²; 8 and 12 m² are shared, 12 m² lie on the ground.
     assert area == pytest.approx({
         ("of a", "of c"): 8, ("of b", "of c"): 12, ("of a",): 12 + 4, ("of b",): 12,
-        ("of c",): 30 + 30 - 20,
+        ("of c",): 30 + 30 - 20, ("generic_context_0.20",): 16 - 12,
     })  # fmt: skip
     assert any("in one place" in note for note in model.notes)

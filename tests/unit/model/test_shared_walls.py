@@ -6,7 +6,7 @@ import shapely
 
 from drcmitsuba.model.plane import Plane
 from drcmitsuba.model.polygon import area_vector
-from drcmitsuba.model.shared_walls import RoomFace, sheets_of
+from drcmitsuba.model.shared_walls import RoomFace, sheets_of, uncovered
 
 TOLERANCE = 0.01
 
@@ -96,3 +96,14 @@ def test_random_faces_cover_what_they_covered():
             parts += [s.rings for own in sheets[1 - side :: 2] for s in own if s.behind is not None]
             made = shapely.union_all([plane.polygon(r) for r in parts])
             assert covered.symmetric_difference(made).area < 0.05
+
+
+def test_what_lies_on_others_is_left_out_there():
+    """Of a shade in the plane of a wall, the part beside it remains; one apart stays as it is."""
+    shade, apart = (wall((2, 5), 2, 1),), (wall((2, 5), 2.5, 1),)
+    covers = [(wall((0, 3), 2, -1),), (wall((4, 4.5), 2, 1, (0, 1)),)]
+    cut, whole = uncovered([shade, apart], covers, TOLERANCE)
+    assert sum(area(rings)[0] for rings in cut) == pytest.approx(9 - 3 - 0.5)
+    assert all(area(rings)[1] for rings in cut)
+    assert whole[0] is apart
+    assert uncovered([shade], [(wall((0, 9), 2, -1),)], TOLERANCE) == [[]]
