@@ -9,14 +9,9 @@ from typing import Annotated
 import shapely
 from pydantic import Field
 
-from drcmitsuba.model.space import Space, SpaceFloor
+from drcmitsuba.model.space import Space, SpaceFloor, overlaps
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import Length, Name, OnMap, Table, shortened
-
-SAME_LEVEL = 0.5
-"""Difference in height below which floors lie in one storey [m]."""
-OVERLAP = 0.01
-"""Largest share of the smaller one of two spaces that both may cover [–]."""
 
 Corner = tuple[OnMap, OnMap]
 
@@ -84,18 +79,10 @@ def with_tables(
 def _refuse_overlap(
     spaces: tuple[Space, ...], tables: Mapping[str, SpaceTable], source: str
 ) -> None:
-    floors = [(space, floor) for space in spaces for floor in space.floors]
-    tree = shapely.STRtree([floor.outline for _, floor in floors])
-    for first, lower in floors:
+    for first, second, at in overlaps(spaces):
         if first.name not in tables:
-            continue
-        for second, floor in (floors[j] for j in tree.query(lower.outline, "intersects").tolist()):
-            shared = lower.outline.intersection(floor.outline)
-            smaller = min(lower.outline.area, floor.outline.area)
-            level = abs(lower.height - floor.height) < SAME_LEVEL
-            if second is first or not level or shared.area <= OVERLAP * smaller:
-                continue
-            at = shared.representative_point()
-            got = f"it overlaps {shortened(second.name)} at ({at.x:.2f}, {at.y:.2f})"
+            first, second = second, first
+        if first.name in tables:
+            got = f"it overlaps {shortened(second.name)} at ({at[0]:.2f}, {at[1]:.2f})"
             field = f"spaces.{first.name}.outline"
             raise InputError(source, field, got, "give every space its own floor")

@@ -19,7 +19,7 @@ from drcmitsuba.model.materials import (
     PorousMaterial,
     SurfaceMaterial,
 )
-from drcmitsuba.model.space import Space, numbered
+from drcmitsuba.model.space import Space, numbered, overlap_notes
 from drcmitsuba.runtime.errors import printable
 
 MOST_OF_BODY = 6
@@ -259,14 +259,15 @@ EMPTY = Model()
 def joined(models: Sequence[Model]) -> Model:
     """Join the contents of several sources; location and north are the first that are stated."""
     stated = [m for m in models if m.location is not None]
+    spaces = numbered([space for m in models for space in m.spaces])
     return Model(
         tuple(layer for m in models for layer in m.layers),
         tuple(grid for m in models for grid in m.grids),
         tuple(view for m in models for view in m.views),
         stated[0].location if stated else None,
         next((m.north for m in models if m.north), 0.0),
-        tuple(note for m in models for note in m.notes),
-        numbered([space for m in models for space in m.spaces]),
+        (*(note for m in models for note in m.notes), *overlap_notes(spaces)),
+        spaces,
     )
 
 

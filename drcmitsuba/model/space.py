@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
 
+from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.plane import Rings
 from drcmitsuba.model.polygon import area_vector
 
@@ -19,6 +20,13 @@ HEADROOM = 1.0
 """Least height above a floor [m]."""
 SEAM = 0.02
 """Distance within which points count as inside of a room, and seams of its floor are closed [m]."""
+
+
+SAME_LEVEL = 0.5
+"""Difference in height within which floors that overlap are in each other's way [m]."""
+OVERLAP = 0.01
+"""Share of the smaller floor that may lie in another space [–]."""
+OVERLAPPING = "Floors of spaces overlap; sensors there belong to one of them"
 
 
 class SpaceFloor(NamedTuple):
@@ -119,6 +127,31 @@ def numbered(spaces: Sequence[Space]) -> tuple[Space, ...]:
             space = replace(space, name=f"{space.name} ({', '.join(parts)})")
         out.append(space)
     return tuple(out)
+
+
+def overlaps(
+    spaces: Sequence[Space],
+) -> Iterator[tuple[Space, Space, tuple[float, float]]]:
+    """Yield spaces whose floors on one level overlap, with a point of the place (x, y) [m]."""
+    floors = [(k, floor) for k, space in enumerate(spaces) for floor in space.floors]
+    tree = shapely.STRtree([floor.outline for _, floor in floors])
+    for i, (one, lower) in enumerate(floors):
+        for j in sorted(tree.query(lower.outline, "intersects").tolist()):
+            other, upper = floors[j]
+            if j <= i or other == one or abs(lower.height - upper.height) > SAME_LEVEL:
+                continue
+            shared = lower.outline.intersection(upper.outline)
+            if shared.area > OVERLAP * min(lower.outline.area, upper.outline.area):
+                at = shared.representative_point()
+                yield spaces[one], spaces[other], (float(at.x), float(at.y))
+
+
+def overlap_notes(spaces: Sequence[Space]) -> tuple[str, ...]:
+    """Note on the spaces that overlap; none where none do."""
+    notes = Notes()
+    for first, second, (x, y) in overlaps(spaces):
+        notes.add(OVERLAPPING, f"{first.name} and {second.name} at ({x:.2f}, {y:.2f})")
+    return notes.sentences()
 
 
 def space_at(spaces: Sequence[Space], points: np.ndarray) -> np.ndarray:

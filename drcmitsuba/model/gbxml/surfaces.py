@@ -143,7 +143,7 @@ class GbxmlSurfaces:
         """Close the gaps of spaces by surfaces, which have the same on both sides; notes them."""
         covers: list[Rings] = [(ring,) for rings in self.faces.values() for ring in rings]
         for space in spaces:
-            rings = self.faces.get(space.attribute("id"), [])
+            rings = self.faces.setdefault(space.attribute("id"), [])
             gaps = [
                 part
                 for gap in gaps_of(rings)
@@ -157,10 +157,13 @@ class GbxmlSurfaces:
             area = sum(float(Plane.of(gap[0]).polygon(gap).area) for gap in gaps)
             self.notes.add(CLOSED, f"{name} ({area:.2f} m²)")
             middle = np.concatenate(rings)[:, 2]
+            has_floor = any(map(is_floor, rings))
             for gap in gaps:
                 level = is_floor(gap[0]) or is_ceiling(gap[0])
                 high = gap[0][:, 2].mean() > (middle.min() + middle.max()) / 2
                 side = ("ceiling" if high else "floor") if level else "wall"
+                if side == "floor" and not has_floor:  # else files count it to no space
+                    rings.append(gap[0] if is_floor(gap[0]) else gap[0][::-1])
                 piece = f"gap of Space {space.attribute('id')}", gap
                 self.sorts.setdefault((side, side), []).append(piece)
 

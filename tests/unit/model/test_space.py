@@ -11,6 +11,7 @@ from drcmitsuba.model.space import (
     SpaceFloor,
     floors_of,
     numbered,
+    overlap_notes,
     space_at,
     volume_of,
 )
@@ -83,3 +84,13 @@ def test_lengths_scale(factor):
     assert space.floor_area == pytest.approx(16 * factor**2)
     assert space.volume == pytest.approx(48 * factor**3)
     assert space.height == pytest.approx(3 * factor)
+
+
+def test_spaces_that_overlap_are_noted_with_the_place():
+    one = Space("one", (SpaceFloor(0.0, shapely.box(0, 0, 4, 5)),), 3.0)
+    beside = Space("beside", (SpaceFloor(0.0, shapely.box(4, 0, 8, 5)),), 3.0)
+    across = Space("across", (SpaceFloor(0.1, shapely.box(6, 1, 9, 4)),), 3.0)
+    above = Space("above", (SpaceFloor(3.0, shapely.box(0, 0, 8, 5)),), 6.0)
+    assert overlap_notes([one, beside, above]) == ()
+    (note,) = overlap_notes([one, beside, above, across])
+    assert "beside and across at (7.00, 2.50)" in note
