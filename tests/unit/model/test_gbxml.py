@@ -219,5 +219,6 @@ def test_surfaces_in_one_place_are_one_with_a_side_for_each_space(tmp_path):
 def test_a_space_whose_floor_is_missing_has_the_one_that_closes_it(tmp_path):
     parts = house.surfaces(without=("floor a",)).values()
     model = gbxml.read(house.written(tmp_path, house.text(parts)))
-    assert [space.floor_area for space in model.spaces] == pytest.approx([20, 20, 40])
+    # Gaps are closed over the seam of 0.05 m within which edges count as one.
+    assert [space.floor_area for space in model.spaces] == pytest.approx([20, 20, 40], rel=0.04)
     assert any("closed" in note for note in model.notes)
