@@ -138,6 +138,9 @@ def mirror_opposite(images: bool = False) -> Case:
 
     With `images`, the mirror is a hole in a black screen, and behind it stands the room's image:
     what suns in mirrored directions send through the hole is the light of the suns by the mirror.
+    Light that the room sends to the mirror and gets back is lost there (0.9 %). The screen is no
+    larger than suns ask for: rays of Mitsuba start a distance from surfaces that grows with the
+    coordinates, 2 cm in a scene of 200 m, in which a room was 1.6 % brighter.
     """
     floor, ceiling, walls = prism([(0, 0), (5, 0), (5, 6), (0, 6)], 3.0)
     window = np.array([[0.5, 0, 0.9], [4.5, 0, 0.9], [4.5, 0, 2.6], [0.5, 0, 2.6]])
@@ -148,7 +151,7 @@ def mirror_opposite(images: bool = False) -> Case:
 
     opposite = [layer("mirror", SILVER, upright(*x, *z, -10))]
     if images:
-        aside = ((-200, x[0], -1, 200), (x[1], 200, -1, 200), (*x, z[1], 200), (*x, -1, z[0]))
+        aside = ((-40, x[0], -1, 60), (x[1], 45, -1, 60), (*x, z[1], 60), (*x, -1, z[0]))
         roof = [(0, -26, 3), (5, -26, 3), (5, -20, 3), (0, -20, 3)]
         dark = [upright(*part, -10) for part in aside], upright(0, 5, 0, 3, -20), roof
         opposite = [layer("screen", Lambertian(0.0), *dark[0], *dark[1:])]
