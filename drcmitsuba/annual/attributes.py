@@ -35,6 +35,9 @@ def fingerprint(case: Case, enabled_effects: EnabledEffects) -> str:
         "subdivision": case.sky.subdivision,
         "diameter": case.outside.sun_diameter,
     }
+    for table in settings.get("spaces", {}).values():
+        for name in ("use", "storey", "threshold", "hours", "power"):
+            del table[name]
     if case.output.spaces:
         settings["in_spaces"] = case.output.spaces
     if case.model is not None:
@@ -72,11 +75,9 @@ def settings(case: Case, daylight: Daylight) -> dict[str, Any]:
 
 
 def _spaces(case: Case) -> list[dict[str, Any]]:
-    """Name, use, storey and floor area [m²] of every space."""
-    return [
-        {"name": s.name, "use": s.use, "storey": s.storey, "floor_area": s.floor_area}
-        for s in prepared(case).spaces
-    ]
+    """Name, use, storey, floor area [m²], target [lx], hours and power [W/m²] of every space."""
+    keys = ("name", "use", "storey", "floor_area", "target", "hours", "power")
+    return [{key: getattr(space, key) for key in keys} for space in prepared(case).spaces]
 
 
 def attributes(case: Case, daylight: Daylight, enabled_effects: EnabledEffects) -> dict[str, Any]:

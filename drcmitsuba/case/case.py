@@ -41,6 +41,7 @@ from drcmitsuba.case.sky import Outside, PerezSky, Sky
 from drcmitsuba.case.spaces import SpaceTable
 from drcmitsuba.case.sun import Sun, TrueSun, check_sun
 from drcmitsuba.case.unit_check import ask_about_furniture, ask_about_room, ask_about_spacing
+from drcmitsuba.case.uses import TaskTable, UseTable
 from drcmitsuba.case.views import ViewTable
 from drcmitsuba.case.weather import PeriodTable, SiteTable, WeatherFile
 from drcmitsuba.model.materials import (
@@ -97,6 +98,8 @@ class Case(Table):
         default_factory=dict
     )
     """Rooms of the model by name, beside those that its files tell."""
+    uses: Annotated[dict[Name, UseTable], Field(max_length=1000)] = Field(default_factory=dict)
+    """Uses of rooms by name, before those of the program, whose keys they overrule."""
     sensors: AnySensors
     """Points at which the illuminance is computed."""
     shading: Shading | None = None
@@ -227,9 +230,11 @@ class Case(Table):
         if self.room is not None and self.model is not None:
             got = "beside a room of boxes"
             raise InputError("case", "model", got, "give one of them")
-        if self.model is None and self.spaces:
-            got = "there is no [model]"
-            raise InputError("case", "spaces", got, "leave them out: a box is one space")
+        for name in ("spaces", "uses"):
+            if self.model is None and getattr(self, name):
+                got = "there is no [model]"
+                raise InputError("case", name, got, "leave them out: a box is one space")
+        self._check_hours()
         if self.model is None and not isinstance(self.sensors, Sensors):
             for kind, key in ((FloorSensors, "floors"), (SpaceSensors, "spaces")):
                 if isinstance(self.sensors, kind):
@@ -238,6 +243,20 @@ class Case(Table):
             if self.sensors.grids:
                 raise InputError("case", "sensors.grids", "there is no [model]", "add one")
         return self
+
+    def _check_hours(self) -> None:
+        """Refuse hours of a space or a use of which the period has none."""
+        first, last = self.period.hours
+        if self.period.timestamps is not None or first >= last:
+            return
+        tasks: dict[str, TaskTable] = {f"spaces.{n}": table for n, table in self.spaces.items()}
+        tasks |= {f"uses.{name}": table for name, table in self.uses.items()}
+        for name, task in tasks.items():
+            hours = task.hours
+            if hours is not None and (hours[1] <= first or hours[0] >= last):
+                got = f"{hours[0]} to {hours[1]} h, of which the period has none"
+                remedy = f"give hours in [period] beside {first} to {last} h"
+                raise InputError("case", f"{name}.hours", got, remedy)
 
     def _check_group(self, name: str, group: Group) -> None:
         """Refuse a reserved name, and states that are no material of a pane."""

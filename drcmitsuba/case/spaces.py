@@ -9,9 +9,10 @@ from typing import Annotated
 import shapely
 from pydantic import Field
 
+from drcmitsuba.case.uses import TaskTable
 from drcmitsuba.model.space import Space, SpaceFloor
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.toml import Length, Name, OnMap, Table, shortened
+from drcmitsuba.runtime.toml import Illuminance, Length, Name, OnMap, shortened
 
 SAME_LEVEL = 0.5
 """Difference in height below which floors lie in one storey [m]."""
@@ -21,7 +22,7 @@ OVERLAP = 0.01
 Corner = tuple[OnMap, OnMap]
 
 
-class SpaceTable(Table):
+class SpaceTable(TaskTable):
     """Room of a building; what a space of the model has already may be left out."""
 
     outline: Annotated[tuple[Corner, ...], Field(min_length=3, max_length=10_000)] | None = None
@@ -31,9 +32,11 @@ class SpaceTable(Table):
     height: Length | None = None
     """Height of the room of an `outline` [m]; by default up to the next floor of another space."""
     use: Name | None = None
-    """Use of the room, such as "office"."""
+    """Use of the room, such as "office": one of [uses], of the program's uses, or any other."""
     storey: Name | None = None
     """Name of its storey."""
+    threshold: Illuminance | None = None
+    """Illuminance that its task wants [lx]; by default the target of its use."""
 
     def space(self, name: str, known: Space | None, source: str) -> Space:
         """Space of this table.
@@ -44,13 +47,14 @@ class SpaceTable(Table):
             The outline crosses itself or has no area, or there is none and the model has no space
             of this name.
         """
-        words = {n: value for n in ("use", "storey") if (value := getattr(self, n)) is not None}
+        keys = {n: getattr(self, n) for n in ("use", "storey", "hours", "power")}
+        keys = {n: value for n, value in (keys | {"target": self.threshold}).items() if value}
         if self.outline is None:
             if known is None:
                 got = "no outline, and the model has no space of this name"
                 remedy = "give the corners of its floor: outline = [[0, 0], [5, 0], [5, 4]]"
                 raise InputError(source, f"spaces.{name}.outline", got, remedy)
-            return replace(known, **words)
+            return replace(known, **keys)
         shape = shapely.Polygon(self.outline)
         if not shape.is_valid or not shape.area > 0:
             got = shapely.is_valid_reason(shape) if shape.area > 0 else "no area"
@@ -59,7 +63,7 @@ class SpaceTable(Table):
         ceiling = float("inf") if self.height is None else self.floor + self.height
         volume = None if self.height is None else float(shape.area) * self.height
         floor = SpaceFloor(self.floor, shape)
-        return replace(Space(name, (floor,), ceiling, volume=volume), **words)
+        return replace(Space(name, (floor,), ceiling, volume=volume), **keys)
 
 
 def with_tables(

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from drcmitsuba.report.document import charts, record, stored_lights, tables, verdicts
+from drcmitsuba.report.document import charts, record, spaces, stored_lights, tables, verdicts
 from drcmitsuba.report.document.facade import EvaluatedFacade
 from drcmitsuba.report.document.hours import Hours
 from drcmitsuba.report.document.labels import labels
@@ -124,7 +124,7 @@ class Report:
             "differences": known([tables.differences(self.facades, self.names)]),
             "months": [tables.months(*each) for each in self._each],
             "charts": [charts.months(*each) for each in self._each],
-            "spaces": known(tables.spaces(*each) for each in self._each),
+            "spaces": known(spaces.table(*each) for each in self._each),
             "groups": known(tables.groups(*each) for each in self._each),
             "verdicts": verdicts.overview(self.facades, self.names),
             "judgements": [verdicts.judgements(*each) for each in self._each],
@@ -223,11 +223,13 @@ def _numbers(facade: EvaluatedFacade) -> Iterator[list[Any]]:
         for month, number in enumerate(facade.numbers[metric], start=1):
             if number is not None:
                 yield ["", month, metric, *(number[key] for key in keys), "%"]
-    told = tables.told_rows(facade.numbers, "spaces")
+    told = spaces.told_rows(facade.numbers, "spaces")
     parts = {space.get("name", ""): space for space in told} if len(told) > 1 else {}
     for name, numbers in (parts or facade.numbers.get("grids", {})).items():
         for metric in ("sDA", "ASE"):
             yield [_inert(text(name)), "", metric, *(numbers[metric][key] for key in keys), "%"]
+        for metric, values, unit in spaces.numbers_of_task(numbers):
+            yield [_inert(text(name)), "", metric, *values, *[""] * (3 - len(values)), unit]
 
 
 def _lights(facade: EvaluatedFacade) -> Iterator[list[Any]]:
