@@ -82,7 +82,7 @@ class Level(Sourced):
     scope: Literal["area", "spaces"] = "area"
     """Whether the limits are asked of all points together, or of every space by itself."""
     spaces: Fraction = 1.0
-    """Share of the area whose spaces have to hold the limits, counted by their points [–]."""
+    """Share of the floor area whose spaces have to hold the limits [–]."""
 
 
 class Flag(Sourced):
