@@ -118,3 +118,35 @@ def test_what_is_unfit_is_one_line(folder, refused):
     file = folder / "house.xml"
     file.write_text(file.read_text(encoding="utf-8").replace("<Space ", "<Room "), encoding="utf-8")
     assert "house.xml" in refused("plan", folder / "case.toml")
+
+
+def test_glare_is_told_by_space(folder, run):
+    """A view at the window below, one at its back wall, one above; the third room has none."""
+    views = {"window": (2, 2, 1.2, 0, -1), "door": (2, 3, 1.2, 0, 1), "hall": (3, 3, 4.2, 0, -1)}
+    text = (folder / "case.toml").read_text(encoding="utf-8")
+    text = text.replace("[period]\nmonths = [3]", '[period]\ntimestamps = "times.csv"')
+    for name, (x, y, z, *along) in views.items():
+        position, direction = [x, y, z], [*along, 0]
+        text += f"[views.{name}]\nposition = {position}\ndirection = {direction}\n"
+    (folder / "times.csv").write_text("time\n2015-01-20T12:00\n2015-12-21T12:00\n")
+    (folder / "glare.toml").write_text(text, encoding="utf-8")
+    code, _, err = run("evaluate", folder / "glare.toml", "-o", folder / "out")
+    assert code == 0, err
+    code, out, err = run("glare", folder / "glare.toml", "-o", folder / "out")
+    assert code == 0, err
+    assert "worst view of each space" in out
+    numbers = json.loads((folder / "out" / "glare.json").read_text())
+    ((state, rows),) = numbers["DGP"].items()
+    lower, upper = "Office (Level 1, 1)", "大厅"
+    assert {name: row["space"] for name, row in rows.items()} == {
+        "window": lower, "door": lower, "hall": upper,
+    }  # fmt: skip
+    worst = numbers["spaces"][state]
+    assert {name: (row["worst"], row["views"]) for name, row in worst.items()} == {
+        lower: ("window", 2), upper: ("hall", 1),
+    }  # fmt: skip
+    with xr.open_dataset(folder / "out" / "glare.nc") as saved:
+        assert saved["space"].values.astype(str).tolist() == [lower, lower, upper]
+    page = folder / "report.html"
+    assert run("report", folder / "out", "-o", page)[0] == 0
+    assert "Worst view of each space" in page.read_text(encoding="utf-8")

@@ -25,7 +25,7 @@ from drcmitsuba.report.document.hours import Hours
 from drcmitsuba.report.document.labels import labels
 from drcmitsuba.report.document.light_of_sensors import PackedLight, shares
 from drcmitsuba.report.document.plans import MOST_CORNERS, MOST_POINTS, plans, shown_points
-from drcmitsuba.report.document.stored_pictures import PagePicture, glare_table, pictures
+from drcmitsuba.report.document.stored_pictures import PagePicture, glare_tables, pictures
 from drcmitsuba.report.document.table import Number, PageTable, text
 from drcmitsuba.report.lights import of_period
 from drcmitsuba.runtime import storage
@@ -133,7 +133,9 @@ class Report:
                 for f, name in self._each
                 if f.lights is not None
             ],
-            "glare": [glare_table(f.glare, name) for f, name in self._each if f.glare],
+            "glare": [
+                each for f, name in self._each if f.glare for each in glare_tables(f.glare, name)
+            ],
             "plan": known(record.plan(*each) for each in self._each),
             "versions": record.versions(self.facades, self.names),
             "notes": [(name, record.notes(facade)) for facade, name in self._each],
@@ -247,7 +249,7 @@ def _lights(facade: EvaluatedFacade) -> Iterator[list[Any]]:
 
 def _glare(facade: EvaluatedFacade) -> Iterator[list[Any]]:
     """The same of the hours with glare of every view, and the probability of its class."""
-    for state, views in (facade.glare or {}).items():
+    for state, views in ({} if facade.glare is None else facade.glare.DGP).items():
         for view, of in views.items():
             place = _inert(text(view))
             for limit, hours in of.above.items():
