@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
-from functools import cache
+from functools import cache, lru_cache
 from importlib import resources
 from typing import Annotated
 
@@ -112,6 +112,7 @@ def recognised(words: str, uses: Mapping[str, UseTable]) -> str:
     return ""
 
 
+@lru_cache(maxsize=4096)
 def plain_words(text: str) -> str:
     """Words of a name in small letters with single spaces between them."""
     apart = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", text)

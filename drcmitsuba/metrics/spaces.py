@@ -17,6 +17,8 @@ from drcmitsuba.runtime.errors import InputError
 
 ANNUAL, MONTHLY = ("sDA", "ASE"), ("msDA", "MSE")
 ENDS = ("value", "low", "high")
+DAMAGED = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, RecursionError)
+"""Errors of reading a list of spaces that is none."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,7 @@ def sensors_by_space(illuminance: xr.Dataset | xr.DataArray) -> tuple[SensorsOfS
     try:
         table = json.loads(str(illuminance.attrs.get("spaces", "[]")))
         told = [SensorsOfSpace.of_row(row) for row in table]
-    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+    except DAMAGED as error:
         remedy = "compute the illuminance anew"
         raise InputError("illuminance", "spaces", f"{error}"[:120], remedy) from None
     if len(told) == 1:

@@ -111,6 +111,7 @@ def test_a_building_is_a_case_by_itself(folder, run):
     text = (folder / "made" / "house.toml").read_text(encoding="utf-8")
     assert 'spaces = ["*"]' in text
     assert "Double" in text
+    assert "#   Office (Level 1, 1), OfficeOpenPlan, Level 1, 20.0 m², 500 lx, 7 to 18 h\n" in text
     assert run("plan", folder / "made" / "house.toml")[0] == 0
 
 

@@ -90,7 +90,7 @@ def test_sensors_of_grids_of_other_spacing_stand_for_other_areas():
     np.testing.assert_allclose(space.shares, 1 / 13)
 
 
-@pytest.mark.parametrize("hours", [3, [1], ["a", "b"], [1, 2, 3]])
+@pytest.mark.parametrize("hours", [3, [1], ["a", "b"], [1, 2, 3], [0, float("inf")]])
 def test_damaged_hours_are_named(hours):
     with pytest.raises(InputError, match="spaces"):
         sensors_by_space(year(rows=[{**ROWS[0], "hours": hours}, ROWS[1]]))
