@@ -96,14 +96,14 @@ class _WorstView(_View):
     worst: Annotated[str, Field(max_length=1000)]
 
 
-class Glare(BaseModel):
+class StoredGlare(BaseModel):
     """Content of `glare.json`, as far as the report shows it."""
 
     DGP: dict[str, dict[str, _View]]
     spaces: dict[str, dict[str, _WorstView]] = {}
 
 
-def stored_glare(folder: Path) -> Glare | None:
+def stored_glare(folder: Path) -> StoredGlare | None:
     """Read `glare.json` of a folder; None where there is none.
 
     Raises
@@ -117,13 +117,13 @@ def stored_glare(folder: Path) -> Glare | None:
     remedy = "run drcmitsuba glare again"
     content = storage.load_json(path, "glare", LARGEST_FILE, remedy)
     try:
-        return Glare.model_validate(content)
+        return StoredGlare.model_validate(content)
     except ValidationError as error:
         got = str(error).splitlines()[0][:120]
         raise InputError(path, "glare", got, remedy) from None
 
 
-def glare_tables(glare: Glare, name: str) -> list[PageTable]:
+def glare_tables(glare: StoredGlare, name: str) -> list[PageTable]:
     """Tables of the hours with glare of every view, by state of the façade; where the views lie in
     spaces, the worst view of each in the last state before them.
     """
