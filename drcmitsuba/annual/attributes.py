@@ -74,10 +74,13 @@ def settings(case: Case, daylight: Daylight) -> dict[str, Any]:
     }
 
 
-def _spaces(case: Case) -> list[dict[str, Any]]:
-    """Name, use, storey, floor area [m²], target [lx], hours and power [W/m²] of every space."""
-    keys = ("name", "use", "storey", "floor_area", "target", "hours", "power")
-    return [{key: getattr(space, key) for key in keys} for space in prepared(case).spaces]
+def spaces_text(case: Case) -> str:
+    """List of the spaces as JSON: name, use, storey, floor area [m²], target [lx], hours, power
+    [W/m²] and groups of panes of each.
+    """
+    keys = ("name", "use", "storey", "floor_area", "target", "hours", "power", "groups")
+    rows = [{key: getattr(space, key) for key in keys} for space in prepared(case).spaces]
+    return json.dumps(rows, ensure_ascii=False)
 
 
 def attributes(case: Case, daylight: Daylight, enabled_effects: EnabledEffects) -> dict[str, Any]:
@@ -90,7 +93,7 @@ def attributes(case: Case, daylight: Daylight, enabled_effects: EnabledEffects) 
         "weather": daylight.source,
         "version": version("drcmitsuba"),
         "method": METHOD,
-        "spaces": json.dumps(_spaces(case), ensure_ascii=False),
+        "spaces": spaces_text(case),
         "settings": json.dumps(settings(case, daylight), ensure_ascii=False),
         "fingerprint": fingerprint(case, enabled_effects),
     }

@@ -235,6 +235,12 @@ class Case(Table):
                 got = "there is no [model]"
                 raise InputError("case", name, got, "leave them out: a box is one space")
         self._check_hours()
+        for name, space in self.spaces.items():
+            for own in space.groups:
+                if own not in self.groups:
+                    got = f"there is no group {shortened(own)}"
+                    remedy = choose(own, list(self.groups))
+                    raise InputError("case", f"spaces.{name}.groups", got, remedy)
         if self.model is None and not isinstance(self.sensors, Sensors):
             for kind, key in ((FloorSensors, "floors"), (SpaceSensors, "spaces")):
                 if isinstance(self.sensors, kind):

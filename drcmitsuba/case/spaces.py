@@ -37,6 +37,9 @@ class SpaceTable(TaskTable):
     """Name of its storey."""
     threshold: Illuminance | None = None
     """Illuminance that its task wants [lx]; by default the target of its use."""
+    groups: Annotated[tuple[Name, ...], Field(max_length=100)] = ()
+    """Names of [groups] that belong to it: the rule of [shading] closes them by the sun on sensors
+    of these spaces alone."""
 
     def space(self, name: str, known: Space | None, source: str) -> Space:
         """Space of this table.
@@ -47,7 +50,7 @@ class SpaceTable(TaskTable):
             The outline crosses itself or has no area, or there is none and the model has no space
             of this name.
         """
-        keys = {n: getattr(self, n) for n in ("use", "storey", "hours", "power")}
+        keys = {n: getattr(self, n) for n in ("use", "storey", "hours", "power", "groups")}
         keys = {n: value for n, value in (keys | {"target": self.threshold}).items() if value}
         if self.outline is None:
             if known is None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,12 +12,10 @@ import xarray as xr
 from drcmitsuba.metrics.grids import sensors_by_grid, sensors_by_name
 from drcmitsuba.metrics.intervals import DrawnShares, Draws
 from drcmitsuba.metrics.sensor_areas import area_shares
-from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.metrics.space_rows import read_rows
 
 ANNUAL, MONTHLY = ("sDA", "ASE"), ("msDA", "MSE")
 ENDS = ("value", "low", "high")
-DAMAGED = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, RecursionError)
-"""Errors of reading a list of spaces that is none."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +42,7 @@ class SensorsOfSpace:
     def of_row(cls, row: Mapping[str, Any]) -> SensorsOfSpace:
         """Space of a row of the attribute `spaces`, without sensors.
 
-        Anything else raises ValueError, TypeError or KeyError.
+        Anything else raises one of `space_rows.DAMAGED`.
         """
         target, hours, power = (row.get(key) for key in ("target", "hours", "power"))
         first, last = (None, None) if hours is None else map(int, hours)
@@ -76,12 +73,7 @@ def sensors_by_space(illuminance: xr.Dataset | xr.DataArray) -> tuple[SensorsOfS
     InputError
         The attribute is no list of spaces.
     """
-    try:
-        table = json.loads(str(illuminance.attrs.get("spaces", "[]")))
-        told = [SensorsOfSpace.of_row(row) for row in table]
-    except DAMAGED as error:
-        remedy = "compute the illuminance anew"
-        raise InputError("illuminance", "spaces", f"{error}"[:120], remedy) from None
+    told = read_rows(illuminance.attrs, SensorsOfSpace.of_row)
     if len(told) == 1:
         known = {told[0].name: np.arange(illuminance.sizes["sensor"])}
     else:

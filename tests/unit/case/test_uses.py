@@ -37,6 +37,7 @@ def test_every_use_says_where_its_numbers_are_from():
         ("ClassroomOrLectureOrTraining", "classroom"), ("A105 Stair", "stairs"),
         ("PatientRoomHospitalOrHealthcare", "ward"), ("ReadingAreaLibrary", "library"),
         ("Book Shelves", "book shelves"), ("A204 Bathroom 2", "toilets"),
+        ("20 Ladies Room", "toilets"), ("Men's Room", "toilets"), ("Mensa", "canteen"),
         ("Living Room", ""), ("Backoffices", ""), ("大厅", ""), ("", ""), ("-", ""),
     ],
 )  # fmt: skip
