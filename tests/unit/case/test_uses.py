@@ -1,5 +1,6 @@
 """Uses of spaces: the program's table, words that tell a use, and what a case overrules."""
 
+import re
 from collections import Counter
 
 import pytest
@@ -8,6 +9,7 @@ import shapely
 from drcmitsuba.case.uses import UseTable, known_uses, recognised, shipped_uses, with_uses
 from drcmitsuba.model.space import Space, SpaceFloor
 from drcmitsuba.runtime.errors import InputError
+from tests import ROOT
 from tests.unit.scene.test_spaces_of_case import WEST, two_rooms
 
 USES = known_uses({}, "case")
@@ -26,6 +28,16 @@ def test_every_use_says_where_its_numbers_are_from():
         assert use.words
     words = Counter(word for use in shipped_uses().values() for word in use.words)
     assert max(words.values()) == 1
+
+
+def test_the_table_of_the_docs_is_the_program_s():
+    text = (ROOT / "docs" / "howto" / "buildings.md").read_text(encoding="utf-8")
+    cells = re.findall(r"\| ([a-z, ]+) \| (\d+) \| (\d+)–(\d+) (?=\|)", text)
+    told = {
+        name: (float(lx), (int(first), int(last)))
+        for names, lx, first, last in cells for name in names.split(", ")
+    }  # fmt: skip
+    assert told == {name: (use.target, use.hours) for name, use in shipped_uses().items()}
 
 
 @pytest.mark.parametrize(
