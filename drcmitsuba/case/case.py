@@ -38,10 +38,10 @@ from drcmitsuba.case.sensors import (
 )
 from drcmitsuba.case.shading import AREA, THRESHOLD, Shading
 from drcmitsuba.case.sky import Outside, PerezSky, Sky
-from drcmitsuba.case.spaces import SpaceTable
+from drcmitsuba.case.spaces import SpaceTable, check_spaces
 from drcmitsuba.case.sun import Sun, TrueSun, check_sun
 from drcmitsuba.case.unit_check import ask_about_furniture, ask_about_room, ask_about_spacing
-from drcmitsuba.case.uses import TaskTable, UseTable
+from drcmitsuba.case.uses import UseTable
 from drcmitsuba.case.views import ViewTable
 from drcmitsuba.case.weather import PeriodTable, SiteTable, WeatherFile
 from drcmitsuba.model.materials import (
@@ -234,13 +234,7 @@ class Case(Table):
             if self.model is None and getattr(self, name):
                 got = "there is no [model]"
                 raise InputError("case", name, got, "leave them out: a box is one space")
-        self._check_hours()
-        for name, space in self.spaces.items():
-            for own in space.groups:
-                if own not in self.groups:
-                    got = f"there is no group {shortened(own)}"
-                    remedy = choose(own, list(self.groups))
-                    raise InputError("case", f"spaces.{name}.groups", got, remedy)
+        check_spaces(self.spaces, self.uses, self.groups, self.period)
         if self.model is None and not isinstance(self.sensors, Sensors):
             for kind, key in ((FloorSensors, "floors"), (SpaceSensors, "spaces")):
                 if isinstance(self.sensors, kind):
@@ -249,20 +243,6 @@ class Case(Table):
             if self.sensors.grids:
                 raise InputError("case", "sensors.grids", "there is no [model]", "add one")
         return self
-
-    def _check_hours(self) -> None:
-        """Refuse hours of a space or a use of which the period has none."""
-        first, last = self.period.hours
-        if self.period.timestamps is not None or first >= last:
-            return
-        tasks: dict[str, TaskTable] = {f"spaces.{n}": table for n, table in self.spaces.items()}
-        tasks |= {f"uses.{name}": table for name, table in self.uses.items()}
-        for name, task in tasks.items():
-            hours = task.hours
-            if hours is not None and (hours[1] <= first or hours[0] >= last):
-                got = f"{hours[0]} to {hours[1]} h, of which the period has none"
-                remedy = f"give hours in [period] beside {first} to {last} h"
-                raise InputError("case", f"{name}.hours", got, remedy)
 
     def _check_group(self, name: str, group: Group) -> None:
         """Refuse a reserved name, and states that are no material of a pane."""

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Annotated
 
 import shapely
 from pydantic import Field
 
-from drcmitsuba.case.uses import TaskTable
+from drcmitsuba.case.uses import TaskTable, UseTable
+from drcmitsuba.case.weather import PeriodTable
 from drcmitsuba.model.space import Space, SpaceFloor
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.toml import Illuminance, Length, Name, OnMap, shortened
+from drcmitsuba.runtime.toml import Illuminance, Length, Name, OnMap, choose, shortened
 
 SAME_LEVEL = 0.5
 """Difference in height below which floors lie in one storey [m]."""
@@ -67,6 +68,27 @@ class SpaceTable(TaskTable):
         volume = None if self.height is None else float(shape.area) * self.height
         floor = SpaceFloor(self.floor, shape)
         return replace(Space(name, (floor,), ceiling, volume=volume), **keys)
+
+
+def check_spaces(
+    spaces: Mapping[str, SpaceTable], uses: Mapping[str, UseTable], groups: Collection[str],
+    period: PeriodTable,
+) -> None:  # fmt: skip
+    """Refuse hours of which the period has none, and groups that a case does not have."""
+    first, last = period.hours
+    if period.timestamps is None and first < last:
+        tasks: dict[str, TaskTable] = {f"spaces.{name}": table for name, table in spaces.items()}
+        for name, task in (tasks | {f"uses.{name}": use for name, use in uses.items()}).items():
+            hours = task.hours
+            if hours is not None and (hours[1] <= first or hours[0] >= last):
+                got = f"{hours[0]} to {hours[1]} h, of which the period has none"
+                remedy = f"give hours in [period] beside {first} to {last} h"
+                raise InputError("case", f"{name}.hours", got, remedy)
+    for name, space in spaces.items():
+        for group in space.groups:
+            if group not in groups:
+                got, remedy = f"there is no group {shortened(group)}", choose(group, list(groups))
+                raise InputError("case", f"spaces.{name}.groups", got, remedy)
 
 
 def with_tables(
