@@ -35,6 +35,9 @@ def fingerprint(case: Case, enabled_effects: EnabledEffects) -> str:
         "subdivision": case.sky.subdivision,
         "diameter": case.outside.sun_diameter,
     }
+    for table in settings.get("spaces", {}).values():
+        for name in ("use", "storey", "threshold", "hours", "power"):
+            del table[name]
     if case.output.spaces:
         settings["in_spaces"] = case.output.spaces
     if case.model is not None:
@@ -71,12 +74,13 @@ def settings(case: Case, daylight: Daylight) -> dict[str, Any]:
     }
 
 
-def _spaces(case: Case) -> list[dict[str, Any]]:
-    """Name, use, storey and floor area [m²] of every space."""
-    return [
-        {"name": s.name, "use": s.use, "storey": s.storey, "floor_area": s.floor_area}
-        for s in prepared(case).spaces
-    ]
+def spaces_text(case: Case) -> str:
+    """List of the spaces as JSON: name, use, storey, floor area [m²], target [lx], hours, power
+    [W/m²] and groups of panes of each.
+    """
+    keys = ("name", "use", "storey", "floor_area", "target", "hours", "power", "groups")
+    rows = [{key: getattr(space, key) for key in keys} for space in prepared(case).spaces]
+    return json.dumps(rows, ensure_ascii=False)
 
 
 def attributes(case: Case, daylight: Daylight, enabled_effects: EnabledEffects) -> dict[str, Any]:
@@ -89,7 +93,7 @@ def attributes(case: Case, daylight: Daylight, enabled_effects: EnabledEffects) 
         "weather": daylight.source,
         "version": version("drcmitsuba"),
         "method": METHOD,
-        "spaces": json.dumps(_spaces(case), ensure_ascii=False),
+        "spaces": spaces_text(case),
         "settings": json.dumps(settings(case, daylight), ensure_ascii=False),
         "fingerprint": fingerprint(case, enabled_effects),
     }

@@ -19,8 +19,10 @@ from drcmitsuba.annual.saved_result import SavedResult, with_record
 from drcmitsuba.blocks.block_folder import BlockFolder
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import VARYING
+from drcmitsuba.controls.space_lights import with_electric_light
 from drcmitsuba.metrics.illuminance import KEPT
 from drcmitsuba.metrics.sensor_counts import CountedYear
+from drcmitsuba.metrics.spaces import sensors_by_space
 from drcmitsuba.plan import Plan
 from drcmitsuba.plan.forecast import Forecast
 from drcmitsuba.plan.forecast.size import whole_arrays
@@ -114,8 +116,11 @@ def evaluated(
     reason = "E and C are not kept: the case asks for metrics alone"
     if case.output.illuminance == "auto":
         reason = 'E and C are not kept: they do not fit in memory; [output] illuminance = "all"'
+    lit = with_electric_light(
+        year.numbers(), year.daylight, sensors_by_space(year.counts), light.sky, light.step_hours
+    )
     metrics, effects = with_record(
-        planned, year.numbers(), year.counts.attrs, run, [*remarks, reason], expected
+        planned, lit, year.counts.attrs, run, [*remarks, reason], expected
     )
     return LargeResult(case, metrics, year, light, effects, kept, run.enabled_effects)
 

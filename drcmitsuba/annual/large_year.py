@@ -41,6 +41,8 @@ from drcmitsuba.metrics.intervals.facade_draws import (
 )
 from drcmitsuba.metrics.intervals.sun import SunDraws, draw_sun
 from drcmitsuba.metrics.sensor_counts import CountedYear, sensor_counts
+from drcmitsuba.metrics.space_tasks import summed_daylight
+from drcmitsuba.metrics.spaces import sensors_by_space
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.scene.prepared_case import prepared
@@ -66,7 +68,7 @@ class LargeYear:
     daylight: Daylight
     run: Run
     sensors: xr.Dataset
-    """Coordinates (sensor,)."""
+    """Coordinates (sensor,), with the attribute `spaces`."""
     attributes: dict[str, Any]
     """Attributes of C."""
 
@@ -92,6 +94,7 @@ class LargeYear:
         simulated = case if effects.shade else case.with_tables(shading=None, groups={})
         marked = attributes(case, daylight, effects)
         at = prepared(case).receivers.coordinates.coords.to_dataset()
+        at = at.assign_attrs(spaces=marked["spaces"])
         return cls(simulated, daylight, run, at, marked)
 
     @property
@@ -174,6 +177,8 @@ class LargeYear:
         """Count E of each block of sensors."""
         sky, seed = self.daylight.sky, drawing(self.case)["seed"]
         counts: list[xr.Dataset] = []
+        spaces = sensors_by_space(self.sensors)
+        daylight = np.zeros((sky.sizes["time"], len(spaces)))
         draws: BlockDraws | None = None
         record: dict[str, Any] = {}
         streams = [self._stream(state, some, taken) for state, some in suns.items()]
@@ -185,6 +190,7 @@ class LargeYear:
             drawn = draw_block(C, sky, E, self.rules, sun, shut, self.grid[here], seed)
             draws = drawn if draws is None else draws.plus(drawn)
             counts.append(sensor_counts(E, self.rules))
+            daylight += summed_daylight(E, spaces, here)
             its = {name: is_open.attrs[name] for name in RECORD if name in is_open.attrs}
             record = {name: max(record.get(name, value), value) for name, value in its.items()}
             progress(here.stop / len(self.grid))
@@ -195,5 +201,6 @@ class LargeYear:
         record["spaces"] = self.attributes["spaces"]
         every = every.assign_coords(self.sensors.coords).assign_attrs(record)
         return CountedYear(
-            every, month, self.rules, draws.draws(shut, month - 1, names), shut, taken.of_group
-        )
+            every, month, self.rules, draws.draws(shut, month - 1, names), shut, taken.of_group,
+            daylight,
+        )  # fmt: skip

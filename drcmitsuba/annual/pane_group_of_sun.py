@@ -46,9 +46,11 @@ class PaneGroupOfSun:
 
     @classmethod
     def of(cls, case: Case, state: State, suns: Suns, run: Run) -> PaneGroupOfSun | None:
-        """Load the scenes; None of another state than the open one, and of a single group."""
-        groups = prepared(case).groups
-        if state != OPEN or len(groups) < 2:
+        """Load the scenes; None of another state than the open one, and of a single group of all
+        spaces.
+        """
+        groups, spaces = prepared(case).groups, prepared(case).spaces
+        if state != OPEN or len(groups) < (1 if any(space.groups for space in spaces) else 2):
             return None
         suns = suns.where(run.enabled_effects.enabled_suns(suns))
         if isinstance(case.sun, ThreePhase):  # patches of the sky stand for the sun

@@ -33,6 +33,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import VARYING
 from drcmitsuba.case.reading import load_case
 from drcmitsuba.case.sun import Adaptive
+from drcmitsuba.controls.space_lights import of_year
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, evaluate_metrics
 from drcmitsuba.plan import Plan, notes, plan
@@ -280,8 +281,8 @@ def summed_up(
     case, light = planned.facts.case, planned.facts.light
     planned = planned.summed() if VARYING in coefficients.others else planned
     more = {} if outcome is None else {"accuracy": asdict(outcome)}
-    metrics, effects = with_record(
-        planned, evaluated.metrics | more, coefficients.attrs, run, remarks, expected
-    )
     E = evaluated.illuminance
+    metrics, effects = with_record(
+        planned, of_year(evaluated.metrics, E) | more, coefficients.attrs, run, remarks, expected
+    )
     return Result(case, metrics, E, coefficients, light, effects, run.enabled_effects)

@@ -38,9 +38,10 @@ from drcmitsuba.case.sensors import (
 )
 from drcmitsuba.case.shading import AREA, THRESHOLD, Shading
 from drcmitsuba.case.sky import Outside, PerezSky, Sky
-from drcmitsuba.case.spaces import SpaceTable
+from drcmitsuba.case.spaces import SpaceTable, check_spaces
 from drcmitsuba.case.sun import Sun, TrueSun, check_sun
 from drcmitsuba.case.unit_check import ask_about_furniture, ask_about_room, ask_about_spacing
+from drcmitsuba.case.uses import UseTable
 from drcmitsuba.case.views import ViewTable
 from drcmitsuba.case.weather import PeriodTable, SiteTable, WeatherFile
 from drcmitsuba.model.materials import (
@@ -97,6 +98,8 @@ class Case(Table):
         default_factory=dict
     )
     """Rooms of the model by name, beside those that its files tell."""
+    uses: Annotated[dict[Name, UseTable], Field(max_length=1000)] = Field(default_factory=dict)
+    """Uses of rooms by name, before those of the program, whose keys they overrule."""
     sensors: AnySensors
     """Points at which the illuminance is computed."""
     shading: Shading | None = None
@@ -227,9 +230,11 @@ class Case(Table):
         if self.room is not None and self.model is not None:
             got = "beside a room of boxes"
             raise InputError("case", "model", got, "give one of them")
-        if self.model is None and self.spaces:
-            got = "there is no [model]"
-            raise InputError("case", "spaces", got, "leave them out: a box is one space")
+        for name in ("spaces", "uses"):
+            if self.model is None and getattr(self, name):
+                got = "there is no [model]"
+                raise InputError("case", name, got, "leave them out: a box is one space")
+        check_spaces(self.spaces, self.uses, self.groups, self.period)
         if self.model is None and not isinstance(self.sensors, Sensors):
             for kind, key in ((FloorSensors, "floors"), (SpaceSensors, "spaces")):
                 if isinstance(self.sensors, kind):

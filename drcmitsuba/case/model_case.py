@@ -26,6 +26,9 @@ from drcmitsuba.model.materials import (
 from drcmitsuba.model.model import Model, View, areas
 from drcmitsuba.runtime.errors import InputError, on_a_line
 
+MOST_SPACES = 200
+"""Largest number of spaces that a case file lists."""
+
 
 def tables_of(file: Path) -> dict[str, Any]:
     """Tables of a case that consists of a model's file."""
@@ -113,6 +116,7 @@ def case_text(file: Path, folder: Path, building: Model, sensors: AnySensors) ->
         "[sensors]",
         *_sensors(sensors),
         "",
+        *_spaces(building),
         "# [materials.shade]                  # fabric of the sun shade",
         '# type = "diffuser"',
         "# transmittance = 0.05",
@@ -152,6 +156,20 @@ def views_listing(views: Sequence[View]) -> list[str]:
             f"from ({at}) along ({along})"
         )
     return lines
+
+
+def _spaces(building: Model) -> list[str]:
+    """Comments on the spaces: name, use, storey, floor area [m²], target [lx] and hours."""
+    if not building.spaces:
+        return []
+    lines = ["# Spaces of the model; [spaces.NAME] takes use, storey, threshold, hours, power:"]
+    for space in building.spaces[:MOST_SPACES]:
+        told = [space.name, space.use, space.storey, f"{space.floor_area:.1f} m²"]
+        told += [] if space.target is None else [f"{space.target:g} lx"]
+        told += [] if space.hours is None else [f"{space.hours[0]} to {space.hours[1]} h"]
+        lines.append(f"#   {_comment(', '.join(filter(None, told)))}")
+    more = len(building.spaces) - MOST_SPACES
+    return [*lines, *([f"#   and {more} more"] if more > 0 else []), ""]
 
 
 def _sensors(sensors: AnySensors) -> list[str]:

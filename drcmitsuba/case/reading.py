@@ -14,6 +14,7 @@ from drcmitsuba.case.sensors import PointSensors
 from drcmitsuba.case.shipped import locate_case
 from drcmitsuba.case.spaces import with_tables
 from drcmitsuba.case.sun import Adaptive, check_sun
+from drcmitsuba.case.uses import with_uses
 from drcmitsuba.model.materials import BsdfMaterial, Lambertian
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import checked, is_file, read_toml
@@ -88,8 +89,10 @@ def with_files(case: Case) -> Case:
         files = tuple(resolved(f, f"model.files.{i}") for i, f in enumerate(table.files))
         case = case.with_tables(model=table.model_copy(update={"files": files}))
         building = table.read(case.source, files, case.materials)
-        spaces = with_tables(building.spaces, case.spaces, case.source)
-        building = replace(building, spaces=spaces)
+        known = with_tables(building.spaces, case.spaces, case.source)
+        spaces, note = with_uses(known, case.uses, case.source)
+        notes = (*building.notes, note) if note else building.notes
+        building = replace(building, spaces=spaces, notes=notes)
         # Sums over groups and meshes of suns count no light by way of mirrors.
         dull = bool(case.groups) or isinstance(case.sun, Adaptive)
         dull = dull or case.effects.components == "off"

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Annotated
 
 import shapely
 from pydantic import Field
 
+from drcmitsuba.case.uses import TaskTable, UseTable
+from drcmitsuba.case.weather import PeriodTable
 from drcmitsuba.model.space import Space, SpaceFloor, overlaps
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.toml import Length, Name, OnMap, Table, shortened
+from drcmitsuba.runtime.toml import Illuminance, Length, Name, OnMap, choose, shortened
 
 Corner = tuple[OnMap, OnMap]
 
 
-class SpaceTable(Table):
+class SpaceTable(TaskTable):
     """Room of a building; what a space of the model has already may be left out."""
 
     outline: Annotated[tuple[Corner, ...], Field(min_length=3, max_length=10_000)] | None = None
@@ -26,9 +28,14 @@ class SpaceTable(Table):
     height: Length | None = None
     """Height of the room of an `outline` [m]; by default up to the next floor of another space."""
     use: Name | None = None
-    """Use of the room, such as "office"."""
+    """Use of the room, such as "office": one of [uses], of the program's uses, or any other."""
     storey: Name | None = None
     """Name of its storey."""
+    threshold: Illuminance | None = None
+    """Illuminance that its task wants [lx]; by default the target of its use."""
+    groups: Annotated[tuple[Name, ...], Field(max_length=100)] = ()
+    """Names of [groups] that belong to it: the rule of [shading] closes them by the sun on sensors
+    of these spaces alone."""
 
     def space(self, name: str, known: Space | None, source: str) -> Space:
         """Space of this table.
@@ -39,13 +46,14 @@ class SpaceTable(Table):
             The outline crosses itself or has no area, or there is none and the model has no space
             of this name.
         """
-        words = {n: value for n in ("use", "storey") if (value := getattr(self, n)) is not None}
+        keys = {n: getattr(self, n) for n in ("use", "storey", "hours", "power", "groups")}
+        keys = {n: value for n, value in (keys | {"target": self.threshold}).items() if value}
         if self.outline is None:
             if known is None:
                 got = "no outline, and the model has no space of this name"
                 remedy = "give the corners of its floor: outline = [[0, 0], [5, 0], [5, 4]]"
                 raise InputError(source, f"spaces.{name}.outline", got, remedy)
-            return replace(known, **words)
+            return replace(known, **keys)
         shape = shapely.Polygon(self.outline)
         if not shape.is_valid or not shape.area > 0:
             got = shapely.is_valid_reason(shape) if shape.area > 0 else "no area"
@@ -54,7 +62,28 @@ class SpaceTable(Table):
         ceiling = float("inf") if self.height is None else self.floor + self.height
         volume = None if self.height is None else float(shape.area) * self.height
         floor = SpaceFloor(self.floor, shape)
-        return replace(Space(name, (floor,), ceiling, volume=volume), **words)
+        return replace(Space(name, (floor,), ceiling, volume=volume), **keys)
+
+
+def check_spaces(
+    spaces: Mapping[str, SpaceTable], uses: Mapping[str, UseTable], groups: Collection[str],
+    period: PeriodTable,
+) -> None:  # fmt: skip
+    """Refuse hours of which the period has none, and groups that a case does not have."""
+    first, last = period.hours
+    if period.timestamps is None and first < last:
+        tasks: dict[str, TaskTable] = {f"spaces.{name}": table for name, table in spaces.items()}
+        for name, task in (tasks | {f"uses.{name}": use for name, use in uses.items()}).items():
+            hours = task.hours
+            if hours is not None and (hours[1] <= first or hours[0] >= last):
+                got = f"{hours[0]} to {hours[1]} h, of which the period has none"
+                remedy = f"give hours in [period] beside {first} to {last} h"
+                raise InputError("case", f"{name}.hours", got, remedy)
+    for name, space in spaces.items():
+        for group in space.groups:
+            if group not in groups:
+                got, remedy = f"there is no group {shortened(group)}", choose(group, list(groups))
+                raise InputError("case", f"spaces.{name}.groups", got, remedy)
 
 
 def with_tables(

@@ -71,9 +71,24 @@ def glare(
         result.save(output, stage)
     numbers = result.numbers()
     show(*(_table(state, rows) for state, rows in numbers["DGP"].items()))
+    for state, spaces in [*numbers.get("spaces", {}).items()][-1:]:
+        show(_spaces_table(state, spaces))
     print(f"hours counted: {result.counting}; EN 17037 allows {100 * EXCEEDED:g} % of them")
     show_notes(numbers["settings"]["notes"])
     print(f"results are in {output}")
+
+
+def _spaces_table(state: str, spaces: dict) -> Table:
+    """Table of the worst view of every space in one state of the façade."""
+    title = f"worst view of each space; façade {escape(state)}"
+    table = Table("space", "views", "worst view", "EN 17037", title=title, title_justify="left")
+    for name, row in list(spaces.items())[:MOST_ROWS]:
+        words = (escape(on_a_line(text)) for text in (name, str(row["views"]), row["worst"]))
+        chance = row["probability"][row["class"]]
+        table.add_row(*words, f"{row['class']} ({chance:.2f})")
+    if len(spaces) > MOST_ROWS:
+        table.caption = f"{len(spaces) - MOST_ROWS} more spaces: glare.json, spaces"
+    return table
 
 
 def _table(state: str, rows: dict) -> Table:

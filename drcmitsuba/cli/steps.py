@@ -88,6 +88,7 @@ def metrics(
     The intervals are wider than those of evaluate: the file holds the error of every illuminance,
     but not the correlation of these errors.
     """
+    from drcmitsuba.controls.space_lights import of_year
     from drcmitsuba.metrics import evaluate_metrics, stored_arrays
     from drcmitsuba.runtime import storage
 
@@ -100,7 +101,7 @@ def metrics(
     E = stored_arrays.open_dataset(e, "total", "total_se", "direct_sun", "direct_sun_se")
     E = stored_arrays.loaded(e, E)
     rules = evaluate_metrics.rules_of(E.attrs, e, thresholds)
-    numbers = evaluate_metrics.summarise(E, rules)
+    numbers = of_year(evaluate_metrics.summarise(E, rules), E)
     if settings := evaluate_metrics.settings_of(E.attrs, e, rules.metrics):
         numbers["settings"] = settings
     if output is not None:

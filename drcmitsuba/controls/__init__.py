@@ -20,6 +20,8 @@ schedule_file
     States as a schedule of the case.
 electric_light
     Dimming to a set point, and its energy.
+space_lights
+    Electric light of every space by its own target and hours.
 """
 
 from drcmitsuba.controls.best import best_state

@@ -15,11 +15,13 @@ import mitsuba as mi
 import numpy as np
 import xarray as xr
 
+from drcmitsuba.annual.attributes import spaces_text
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import GroupStates
 from drcmitsuba.metrics import smooth_step
 from drcmitsuba.metrics.facade_states import ShadeRule
 from drcmitsuba.metrics.grids import count_by_grid, grid_of_sensors
+from drcmitsuba.metrics.watched_groups import outside_of
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.transport.elements.state_illuminances import Illuminances
@@ -40,9 +42,13 @@ class FacadeGroups:
     indices: np.ndarray
     """State of every group, an index, in each state of the façade, all groups open first, all in
     their last state next, int, shape (state, group)."""
+    outside: np.ndarray
+    """Whether each group belongs to other spaces than a sensor's, bool, shape (group, sensor)."""
 
     @classmethod
-    def of(cls, rule: ShadeRule, time: xr.DataArray, grid: np.ndarray, source: str) -> FacadeGroups:
+    def of(
+        cls, rule: ShadeRule, time: xr.DataArray, grid: np.ndarray, outside: np.ndarray, source: str
+    ) -> FacadeGroups:
         """Find the states; InputError where there are too many."""
         groups, by_rule = rule.groups, rule.by_rule
         scheduled = rule.indices(np.zeros((len(time), len(groups)), bool), time)
@@ -57,18 +63,20 @@ class FacadeGroups:
         every[:, by_rule] = np.tile(closed, (len(rows), 1)) * last[by_rule]
         first = np.stack([np.zeros_like(last), last])
         others = [row for row in every if (row != first).any(axis=1).all()]
-        return cls(rule, time, grid, np.array([*first, *others]))
+        return cls(rule, time, grid, np.array([*first, *others]), outside)
 
     @classmethod
     def of_case(cls, case: Case, groups: GroupStates, time: xr.DataArray) -> FacadeGroups:
         """Groups of a case by its rule and schedules; InputError as `of`."""
-        grid = grid_of_sensors(prepared(case).receivers.coordinates)
-        return cls.of(ShadeRule.of_case(case, groups), time, grid, case.source)
+        at = prepared(case).receivers.coordinates.assign_attrs(spaces=spaces_text(case))
+        grid, outside = grid_of_sensors(at), outside_of(groups, at)
+        return cls.of(ShadeRule.of_case(case, groups), time, grid, outside, case.source)
 
     @property
     def is_plain(self) -> bool:
         """Whether one shade closes by the sun on one grid."""
-        return len(self.rule.groups) == 1 and bool(self.rule.by_rule[0]) and not self.grid.any()
+        is_one = len(self.rule.groups) == 1 and bool(self.rule.by_rule[0])
+        return is_one and not self.grid.any() and not self.outside.any()
 
     @cached_property
     def _required(self) -> np.ndarray:
@@ -100,10 +108,14 @@ class FacadeGroups:
     def _group_of_sun(self, E: Illuminances) -> np.ndarray:
         """Group by which most of a sun comes to a sensor, −1 for none, int, (time, sensor)."""
         if len(self.rule.groups) == 1:
-            return np.zeros(E.direct.shape, int)
-        each = [sun.numpy() for sun in E.by_group]
-        by = np.argmax([*each, E.direct.numpy() - np.sum(each, axis=0)], axis=0)
-        return np.where(by == len(each), -1, by)
+            by = np.zeros(E.direct.shape, int)
+        else:
+            each = [sun.numpy() for sun in E.by_group]
+            by = np.argmax([*each, E.direct.numpy() - np.sum(each, axis=0)], axis=0)
+            by = np.where(by == len(each), -1, by)
+        for group in np.flatnonzero(self.outside.any(axis=1)):
+            by[(by == group) & self.outside[group]] = -1
+        return by
 
     def _shares(self, E: Illuminances, sharpness: float) -> list[dict[int, mi.TensorXf]]:
         """Share (time,) of every state of each group."""

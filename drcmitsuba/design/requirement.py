@@ -45,7 +45,7 @@ class Requirement:
     at : np.ndarray of int, shape (counted,)
         Time stamps that the standard counts, from `standards.coverage.hours_of`.
     coordinates : xr.Dataset
-        Coordinates `time` of the year, and of the sensors.
+        Coordinates `time` of the year, and of the sensors; the attribute `spaces` tells spaces.
     rules : Rules
         Rule of the shade, from `evaluate_metrics.rules`.
     """
@@ -83,7 +83,8 @@ class Requirement:
         for limit, space in self._asked(year):
             sensors = np.flatnonzero(year.space == space) if space is not None else None
             counted = _taken(of_light[self._quantity(limit).light], self.at, sensors)
-            margins.append(self._smooth_margin(limit, counted, year, sharpness))
+            area = year.area if sensors is None else year.area[sensors]
+            margins.append(self._smooth_margin(limit, counted, area, year, sharpness))
         return margins
 
     def _quantity(self, limit: Limit) -> Quantity:
@@ -105,7 +106,9 @@ class Requirement:
         """Hours of the standard, the shade applied by its rule, without errors of E [lx]."""
         rules, dims = self.rules, ("time", "sensor")
         E = {name: (dims, e) for name, e in (("total_open", open), ("direct_sun", direct))}
-        out = xr.Dataset(E, self.coordinates.coords, {"step_hours": rules.step_hours})
+        told = {n: v for n, v in self.coordinates.attrs.items() if n == "spaces"}
+        told |= {"step_hours": rules.step_hours}
+        out = xr.Dataset(E, self.coordinates.coords, told)
         closed = metrics.shade_closed(out["direct_sun"], rules.shade_threshold, rules.shade_area)
         out["total"] = dims, np.where(closed.values[:, None], shaded, open)
         none = np.zeros_like(open)
@@ -123,18 +126,20 @@ class Requirement:
         return (float(share) - limit.at_least) / 100
 
     def _smooth_margin(
-        self, limit: Limit, E: mi.TensorXf, year: StandardYear, sharpness: float
+        self, limit: Limit, E: mi.TensorXf, area: np.ndarray, year: StandardYear, sharpness: float
     ) -> mi.Float:
+        """Margin by E (counted, sensor) [lx] of sensors that stand for some `area` (sensor,)."""
         quantity, step = self._quantity(limit), self.rules.step_hours
         needed = stamps_needed(quantity, year)
         if quantity.of == "mean":
+            E = E * mi.TensorXf((area / area.mean()).astype(np.float32)[None])
             hours = smooth.mean_hours(E, quantity.threshold, step, sharpness=sharpness)
             return hours / limit.at_least - 1
         if limit.at_least == ALL_POINTS:
             hours = smooth.worst_point_hours(E, quantity.threshold, step, sharpness=sharpness)
             return hours / (needed * step) - 1
         stamps = smooth_step.stamps_reached(E, quantity.threshold, sharpness)
-        return (smooth_step.share(stamps, needed, sharpness) - limit.at_least) / 100
+        return (smooth_step.share(stamps, needed, sharpness, area) - limit.at_least) / 100
 
 
 def _taken(E: mi.TensorXf, at: np.ndarray, sensors: np.ndarray | None) -> mi.TensorXf:

@@ -20,6 +20,7 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.case.case import Case
+from drcmitsuba.glare_year.worst_views import worst_views
 from drcmitsuba.metrics.intervals.autonomy import multipliers
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
@@ -168,7 +169,11 @@ class GlareYear:
         ).transpose("state", "view", "class")
 
     def numbers(self) -> dict[str, Any]:
-        """Content of `glare.json`: shares, classes and their probabilities by state and view."""
+        """Content of `glare.json`: shares, classes and their probabilities by state and view.
+
+        Where a case has several spaces, each view has the name of its `space`, "" in none, and
+        `spaces` has the worst view of each by state, from `worst_views`.
+        """
         rated = self.classes()
         every = {f"{c:.2f}": self.interval(c) for c in CLASSES.values()}
         by_state: dict[str, Any] = {}
@@ -186,6 +191,12 @@ class GlareYear:
                     "probability": dict(zip((*CLASSES, NONE), chance, strict=True)),
                     "largest": float(self.hours["dgp"].values[s, :, v].max()),
                 }
+                if "space" in self.hours.coords:
+                    rows[view]["space"] = str(self.hours["space"].values[v])
+        told: dict[str, Any] = {}
+        if "space" in self.hours.coords:
+            names = (*CLASSES, NONE)
+            told["spaces"] = {s: worst_views(rows, names) for s, rows in by_state.items()}
         step = float(self.hours.attrs.get("step_hours", 1.0))
         hours = {
             "period": step * self.hours.sizes["time"],
@@ -193,7 +204,8 @@ class GlareYear:
             "which": self.counting,
         }
         return {
-            "DGP": by_state, "hours": hours, "settings": self.settings, "seconds": self.seconds,
+            "DGP": by_state, **told, "hours": hours, "settings": self.settings,
+            "seconds": self.seconds,
         }  # fmt: skip
 
     def worst(self, state: str | None = None) -> str:

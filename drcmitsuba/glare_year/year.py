@@ -205,6 +205,9 @@ def _rated(
         "clock": ("time", light.sky["clock"].values), "view": np.array(looking.names, object),
         "daylight": ("time", _bright(light).astype(np.int8)),
     }  # fmt: skip
+    if (inside := prepared(case).rooms_of(looking.points)) is not None:
+        names = np.array([*(space.name for space in prepared(case).spaces), ""], object)
+        coords["space"] = "view", names[inside]
     for axes, columns in (("xyz", places), (("dx", "dy", "dz"), looking.forward)):
         coords |= {axis: ("view", columns[:, k]) for k, axis in enumerate(axes)}
     data = {name: (dims, v.astype(np.float32)) for name, v in values.items()}

@@ -30,6 +30,10 @@ bin_luminances, accumulate
     Luminances L of the bins of C; E from both.
 illuminance
     E of a case's period, the shade applied.
+spaces, space_tasks
+    Spaces with their sensors, metrics by space and area; autonomy at the targets of their uses.
+sensor_areas
+    Spacing of grids, and the floor that each sensor stands for.
 sensor_counts
     Counts by sensor and month, which metrics of a year of any size follow from.
 intervals

@@ -24,7 +24,8 @@ from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.metrics.illuminance import illuminance
 from drcmitsuba.metrics.intervals import Bounds, DrawnShares, Draws, Rules, ShadeDraws, values
 from drcmitsuba.metrics.sensor_counts import undecided
-from drcmitsuba.metrics.spaces import by_space
+from drcmitsuba.metrics.space_tasks import at_target, tasks
+from drcmitsuba.metrics.spaces import by_space, sensors_by_space
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import checked
 from drcmitsuba.schema import by_luminance
@@ -215,7 +216,9 @@ def summarise(illuminance: xr.Dataset, rules: Rules, draws: Draws | None = None)
             name: of(sensors, None if draws is None else draws.grids[name])
             for name, sensors in grids.items()
         }
-    return numbers | by_space(numbers, illuminance, draws, of)
+    spaces = sensors_by_space(illuminance)
+    wanted = tasks(at_target(illuminance, spaces, rules), spaces, rules)
+    return numbers | by_space(numbers, illuminance, draws, spaces, wanted)
 
 
 def _shares_of_states(illuminance: xr.Dataset, rules: Rules) -> dict[str, dict[str, float]]:

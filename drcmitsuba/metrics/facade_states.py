@@ -114,7 +114,7 @@ def sunlit(direct: xr.Dataset, rule: ShadeRule) -> np.ndarray:
     grid = grid_of_sensors(direct)
     E = luminance(direct["direct_sun"]).transpose("time", "sensor").values
     reached = rule.threshold <= E
-    if len(rule.groups) == 1:
+    if len(rule.groups) == 1 and "sun_group" not in direct:
         return count_by_grid(reached, grid)[..., None]
     group = sun_group(direct)
     each = [count_by_grid(reached & (group == g), grid) for g in range(len(rule.groups))]

@@ -14,13 +14,15 @@ from drcmitsuba.metrics import accumulate
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.facade_states import FacadeStates
 from drcmitsuba.metrics.intervals import t_factor
+from drcmitsuba.metrics.watched_groups import watched
 from drcmitsuba.runtime.errors import InputError
 
 
 def direct_sun(coefficients: Coefficients, sky: xr.Dataset) -> xr.Dataset:
     """`direct_sun` and `direct_sun_se` (time, sensor) [lx], shade open; channel where C has it.
 
-    With several groups of panes `sun_group` says through which the sun comes.
+    With several groups of panes `sun_group` says through which the sun comes; −1 for one that
+    belongs to other spaces.
     """
     is_open = coefficients.open
     direct = by_channel(accumulate.direct_sun, is_open, sky)
@@ -28,7 +30,8 @@ def direct_sun(coefficients: Coefficients, sky: xr.Dataset) -> xr.Dataset:
         direct = direct.assign_coords(grid=is_open["grid"])
     if "pane_group" in is_open:
         one = is_open.isel(channel=1) if "channel" in is_open.dims else is_open
-        direct = schema.describe(direct.assign(sun_group=accumulate.sun_group(one, sky)))
+        through = watched(accumulate.sun_group(one, sky), is_open)
+        direct = schema.describe(direct.assign(sun_group=through))
     return direct
 
 

@@ -19,7 +19,8 @@ from drcmitsuba.metrics.facade_states import shares_of_states
 from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.metrics.intervals import DrawnShares, Draws, Rules
 from drcmitsuba.metrics.intervals.facade_draws import Closures
-from drcmitsuba.metrics.spaces import by_space
+from drcmitsuba.metrics.space_tasks import at_target, tasks
+from drcmitsuba.metrics.spaces import by_space, sensors_by_space
 from drcmitsuba.schema import luminance
 
 
@@ -37,7 +38,8 @@ def sensor_counts(illuminance: xr.Dataset, rules: Rules) -> xr.Dataset:
     -------
     xr.Dataset
         `enough` and `in_sun` (sensor, month), numbers of time stamps at which `total` reaches the
-        threshold of sDA and `direct_sun` that of ASE; `mean_illuminance` (sensor) [lx].
+        threshold of sDA and `direct_sun` that of ASE; `mean_illuminance` (sensor) [lx]; `DA`,
+        `DA_low`, `DA_high` (sensor) [%] from `space_tasks.at_target`.
     """
     total, direct = luminance(illuminance["total"]), luminance(illuminance["direct_sun"])
     month, t = metrics.months(total), rules.metrics
@@ -54,7 +56,8 @@ def sensor_counts(illuminance: xr.Dataset, rules: Rules) -> xr.Dataset:
         "mean_illuminance": ("sensor", total.mean("time", dtype=float).values, {"units": "lx"}),
     }
     at = {name: c for name, c in illuminance.coords.items() if c.dims == ("sensor",)}
-    return xr.Dataset(counted, {"month": np.arange(1, 13), **at})
+    autonomy = at_target(illuminance, sensors_by_space(illuminance), rules)
+    return xr.Dataset(counted, {"month": np.arange(1, 13), **at}).assign(autonomy)
 
 
 @dataclass(frozen=True)
@@ -70,6 +73,8 @@ class CountedYear:
     closures: Closures
     of_group: np.ndarray
     """State of every group of panes at every time stamp, an index, shape (time, group)."""
+    daylight: np.ndarray
+    """Mean illuminance of every space by floor area, shape (time, space) [lx]."""
 
     def numbers(self) -> dict[str, Any]:
         """Metrics with their intervals, as `evaluate_metrics.summarise` gives them."""
@@ -90,7 +95,9 @@ class CountedYear:
 
         if grids := sensors_by_grid(self.counts):
             numbers["grids"] = {name: of(s, self.draws.grids[name]) for name, s in grids.items()}
-        return numbers | by_space(numbers, self.counts, self.draws, of)
+        spaces = sensors_by_space(self.counts)
+        wanted = tasks(self.counts, spaces, self.rules)
+        return numbers | by_space(numbers, self.counts, self.draws, spaces, wanted)
 
     @property
     def _stamps(self) -> np.ndarray:
@@ -145,7 +152,8 @@ class CountedYear:
         -------
         xr.Dataset, dims (sensor,)
             `mean_illuminance` [lx], `autonomy` [%], `sun_hours` [h], and the probabilities
-            `probability_sDA` and `probability_ASE` that the sensor counts [–].
+            `probability_sDA` and `probability_ASE` that the sensor counts [–]; in spaces `DA` at
+            their targets in their hours, with `DA_low` and `DA_high` [%].
         """
         stamps = len(self.month)
         hours = {"units": "h", "long_name": "hours with too much direct sun"}

@@ -86,11 +86,19 @@ def stamps_reached(E: mi.TensorXf, threshold: float, sharpness: float) -> mi.Ten
     return total(passed(E, threshold, sharpness), axis=0)
 
 
-def share(stamps: mi.TensorXf, required: int, sharpness: float) -> mi.Float:
-    """Soft share [%] of the sensors with at least `required` time stamps."""
+def share(
+    stamps: mi.TensorXf, required: int, sharpness: float, weights: np.ndarray | None = None
+) -> mi.Float:
+    """Soft share [%] of the sensors with at least `required` time stamps.
+
+    `weights` (sensor,), of any sum, are what each sensor stands for; by default all are equal.
+    """
     if required == 0:
         return mi.Float(100.0)
-    return 100 * dr.mean(step(stamps, required - 0.5, sharpness).array)
+    passed = step(stamps, required - 0.5, sharpness).array
+    if weights is None:
+        return 100 * dr.mean(passed)
+    return 100 * dr.sum(passed * mi.Float(weights / np.sum(weights)))
 
 
 def monthly_share(

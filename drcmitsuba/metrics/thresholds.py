@@ -51,6 +51,17 @@ def months(array: xr.DataArray, name: str = "illuminance") -> np.ndarray:
     return stamps.astype("datetime64[M]").astype(np.int64) % 12 + 1
 
 
+def hour_of_day(times: xr.Dataset | xr.DataArray, step_hours: float) -> np.ndarray:
+    """Hour of the day in the middle of each interval, shape (time,) [h].
+
+    It is that of the coordinate `clock` where there is one, else that of `time`; an interval is
+    `step_hours` long [h].
+    """
+    clock = (times["clock"] if "clock" in times.coords else times["time"]).values
+    middle = clock + np.timedelta64(round(step_hours * 1800), "s")
+    return np.asarray((middle - middle.astype("datetime64[D]")) / np.timedelta64(1, "h"))
+
+
 def checked(array: xr.DataArray, name: str) -> np.ndarray:
     """Values E[time, sensor] of an array, a view where it is held in memory.
 

@@ -52,6 +52,14 @@ class Space:
     storey: str = ""
     volume: float | None = None
     """[m³]; None where it is not known."""
+    target: float | None = None
+    """Mean illuminance that its use wants [lx]; None where it is not known."""
+    hours: tuple[int, int] | None = None
+    """First hour of use on the clock, and the end of the last one [h]; None for all."""
+    power: float | None = None
+    """Installed power of its lamps [W/m²]; None where it is not known."""
+    groups: tuple[str, ...] = ()
+    """Groups of panes that close by the sun on its own sensors alone."""
 
     @property
     def floor_area(self) -> float:

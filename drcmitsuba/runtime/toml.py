@@ -59,6 +59,9 @@ OnMap = Annotated[float, Field(ge=-1e8, le=1e8, strict=True)]
 Point = tuple[OnMap, OnMap, OnMap]
 Name = Annotated[str, Field(max_length=200)]
 Side = Literal["south", "east", "north", "west"]
+Text = Annotated[str, Field(max_length=400)]
+Sure = Literal["read in public code", "read in quotations", "public page", "second-hand"]
+"""How sure a number is, from the surest."""
 
 
 class Table(BaseModel):
@@ -81,6 +84,15 @@ class Table(BaseModel):
                 for name, text in _docstrings(table).items():
                     keys[name].setdefault("description", text)
         return schema
+
+
+class Sourced(Table):
+    """A table that says where its numbers come from."""
+
+    source: Text
+    """Publication or file that states the numbers."""
+    sure: Sure
+    """How the source was read."""
 
 
 def _docstrings(table: type[Table]) -> dict[str, str]:

@@ -9,12 +9,10 @@ import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.metrics import daylight_hours
-from drcmitsuba.metrics.grids import sensors_by_grid
-from drcmitsuba.runtime import lazy
+from drcmitsuba.metrics.sensor_areas import spacings
+from drcmitsuba.metrics.thresholds import hour_of_day
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.standards.standard import Standard
-
-spatial = lazy.module("scipy.spatial")
 
 FIRST, LAST = 8, 18
 """Clock hours of LM-83, [first, last)."""
@@ -30,10 +28,6 @@ EQUINOXES = ((3, 21), (9, 21))
 """Month and day of the equinoxes."""
 NEAR = 15
 """Days about an equinox among which the clearest one is looked for."""
-NEIGHBOURS = 12
-"""Nearest points among which two directions of a grid are looked for."""
-ACROSS = 0.5
-"""Sine of the angle from which on two neighbours lie in different directions."""
 
 
 def hours_of(
@@ -62,9 +56,7 @@ def hours_of(
     if standard.hours == "equinox":
         return clearest_hours(_known(sky, source), step_hours, source).ravel()
     if standard.hours == "8 to 18":
-        clock = (times["clock"] if "clock" in times.coords else times["time"]).values
-        middle = clock + np.timedelta64(round(step_hours * 1800), "s")
-        hour = (middle - middle.astype("datetime64[D]")) / np.timedelta64(1, "h")
+        hour = hour_of_day(times, step_hours)
         kept = np.flatnonzero((hour >= FIRST) & (hour < LAST))
         if abs(len(kept) * step_hours - WORKING) > 1e-6 * WORKING:
             got = f"{len(kept) * step_hours:g} of {WORKING:g} h from 8 to 18 h"
@@ -157,38 +149,6 @@ def diffuse_horizontal(sky: xr.Dataset) -> xr.DataArray:
     weights[0] = 0  # the ground
     values = sky["sky"].transpose("time", "bin").values @ weights.astype(sky["sky"].dtype)
     return xr.DataArray(values, {"time": sky["time"]}, ("time",), attrs={"units": "lx"})
-
-
-def spacings(illuminance: xr.Dataset) -> dict[str, float]:
-    """Spacing of the points of every grid [m], in the wider of its two directions.
-
-    It is the median over the points of the distance to the nearest point that lies in another
-    direction than the very nearest; infinite for points in a line.
-
-    Raises
-    ------
-    InputError
-        A place is not finite.
-    """
-    points = np.stack([illuminance[axis].values for axis in "xyz"], axis=1)
-    if not np.isfinite(points).all():
-        got = "places that are not finite"
-        raise InputError("illuminance", "x, y, z", got, "compute the illuminance anew")
-    grids = sensors_by_grid(illuminance) or {"": np.arange(len(points))}
-    return {name: _spacing(points[sensors]) for name, sensors in grids.items()}
-
-
-def _spacing(points: np.ndarray) -> float:
-    count = min(NEIGHBOURS + 1, len(points))
-    if count < 3:
-        return np.inf
-    distance, index = spatial.cKDTree(points).query(points, count)
-    to = points[index[:, 1:]] - points[:, None]
-    with np.errstate(invalid="ignore"):
-        to /= np.linalg.norm(to, axis=2, keepdims=True)
-    sine = np.linalg.norm(np.cross(to, to[:, :1]), axis=2)
-    across = np.where(sine > ACROSS, distance[:, 1:], np.inf).min(axis=1)
-    return float(np.median(across))
 
 
 def check_spacing(standard: Standard, illuminance: xr.Dataset, source: object) -> None:

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from drcmitsuba.metrics import thresholds
 from drcmitsuba.metrics.intervals.rules import TAIL
 from drcmitsuba.standards.quantities import Counted, stamps_needed
 from drcmitsuba.standards.standard import Limit, Quantity
@@ -17,6 +16,8 @@ from drcmitsuba.standards.year import OF_LIGHT, StandardYear
 
 MOST_POINTS = 20
 """Largest number of points that are listed."""
+TINY = 1e-9
+"""Difference that counts as a tie: shares by area have errors of rounding."""
 FEW = 3
 """Number of months and of hours of the day that are named."""
 WORDS = {
@@ -116,25 +117,24 @@ def deciding(
         Index of the space that it is asked of; by default all points together.
     """
     value = counted.value if space is None else float(counted.by_space[space])
-    holds, needed = value >= limit.at_least, counted.needed_hours
+    holds, needed = value >= limit.at_least - TINY, counted.needed_hours
     if quantity.of == "mean":
         lowest = int(np.argmin(counted.by_space)) if space is None else space
         gap = abs(value - limit.at_least) / year.step_hours
         stamps = math.floor(gap) + 1 if holds else math.ceil(gap)
-        E = _mean_of_space(year, lowest)[:, None]
+        E = year.mean(year.illuminance["total_open"].values, lowest)[:, None]
         months, clock = _below(E, quantity.threshold, np.zeros(1, int), year)
         hours = math.ceil(stamps * year.step_hours)
         wanted = max(math.ceil(limit.at_least / year.step_hours), 1)
         factor = quantity.threshold / max(float(np.sort(E[:, 0])[-wanted]), 1e-9)
         return Deciding(limit.quantity, holds, hours, "h", [], 0, months, clock, factor)
     if quantity.of == "moments":
-        return _at_moments(limit, counted, value, space)
+        return _at_moments(limit, counted, value, year, space)
     sensors = np.arange(len(year.space)) if space is None else counted.of_space(space)
     margin = counted.hours[sensors] - needed
-    required = math.ceil(thresholds.exact(limit.at_least) * len(sensors) / 100)
-    passed = int((margin >= 0).sum())
-    number = passed - required + 1 if holds else required - passed
+    share = year.area[sensors] / year.area[sensors].sum()
     nearest = np.argsort(np.where((margin >= 0) == holds, np.abs(margin), np.inf), kind="stable")
+    number = _points_to_change(value, limit.at_least, share[nearest])
     chosen = sensors[nearest[:number]]
     E = year.illuminance[OF_LIGHT[quantity.light]].values
     months, clock = _below(E, quantity.threshold, chosen, year)
@@ -142,32 +142,43 @@ def deciding(
     undecided = 0 if p is None else int(((p > TAIL) & (p < 1 - TAIL))[sensors].sum())
     listed = [_point(year, s, float(counted.hours[s]) - needed) for s in chosen[:MOST_POINTS]]
     light = None
-    if quantity.light != "direct_sun" and required:
+    if quantity.light != "direct_sun" and limit.at_least:
         # The point that is the last one to be needed decides.
-        lasting = np.sort(year.lasting(quantity.light, stamps_needed(quantity, year))[sensors])
-        light = quantity.threshold / max(float(lasting[-required]), 1e-9)
+        lasting = year.lasting(quantity.light, stamps_needed(quantity, year))[sensors]
+        order = np.argsort(-lasting, kind="stable")
+        last = np.searchsorted(np.cumsum(share[order]), limit.at_least / 100 - TINY)
+        light = quantity.threshold / max(float(lasting[order[last]]), 1e-9)
     return Deciding(
         limit.quantity, holds, number, "points", listed, undecided, months, clock, light
     )
 
 
-def _at_moments(limit: Limit, counted: Counted, value: float, space: int | None) -> Deciding:
+def _points_to_change(value: float, at_least: float, share: np.ndarray) -> int:
+    """Number of points that have to change for a share [%] to cross its limit.
+
+    `share` (point,) is the part of the floor that each stands for [–], those that change first in
+    front.
+    """
+    changed = 100.0 * np.cumsum(share)
+    if value >= at_least - TINY:
+        return int(np.searchsorted(changed, value - at_least + TINY, side="right")) + 1
+    return int(np.searchsorted(changed, at_least - value - TINY)) + 1
+
+
+def _at_moments(
+    limit: Limit, counted: Counted, value: float, year: StandardYear, space: int | None
+) -> Deciding:
     """Count the points by which a share at moments holds or fails."""
     sensors = np.arange(len(counted.space)) if space is None else counted.of_space(space)
-    required = math.ceil(thresholds.exact(limit.at_least) * len(sensors) / 100)
-    passed = int((counted.hours >= counted.needed_hours)[sensors].sum())
-    holds = value >= limit.at_least
-    number = passed - required + 1 if holds else required - passed
+    passes = (counted.hours >= counted.needed_hours)[sensors]
+    holds = value >= limit.at_least - TINY
+    # The largest ones first: so few points would suffice.
+    share = np.sort(year.area[sensors][passes == holds] / year.area[sensors].sum())[::-1]
+    number = _points_to_change(value, limit.at_least, share)
     p = None if counted.drawn is None else counted.drawn.passing
     undecided = 0 if p is None else int(((p > TAIL) & (p < 1 - TAIL))[sensors].sum())
     none = [0.0] * 12, [0.0] * 24
     return Deciding(limit.quantity, holds, number, "points", [], undecided, *none)
-
-
-def _mean_of_space(year: StandardYear, space: int) -> np.ndarray:
-    """Mean illuminance of a space's points, shade open (time,) [lx]."""
-    E = year.illuminance["total_open"].values[:, year.space == space]
-    return np.asarray(E.mean(axis=1, dtype=float))
 
 
 def _below(

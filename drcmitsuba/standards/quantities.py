@@ -106,22 +106,20 @@ def count(quantity: Quantity, year: StandardYear) -> Counted:
 
 
 def _points(quantity: Quantity, year: StandardYear) -> Counted:
-    """Share of the points that reach the threshold for long enough [%]."""
+    """Share of the floor whose points reach the threshold for long enough [%]."""
     name, limit = OF_LIGHT[quantity.light], quantity.threshold
-    required, sizes = stamps_needed(quantity, year), np.bincount(year.space)
+    required = stamps_needed(quantity, year)
     E = thresholds.checked(year.illuminance[name], name)
     stamps = thresholds.stamps_reached(E, limit)
-    by_space = 100.0 * np.bincount(year.space, stamps >= required) / sizes
-    value = thresholds.share(stamps >= required)
+    value, by_space = year.share(stamps >= required)
     drawn, bounds = None, (value, value)
     if year.can_draw(quantity.light):
         tally = year.tally(quantity.light, limit, required)
-        spaces = np.stack([tally.shares(i)[0] for i in range(len(sizes))])
-        drawn = DrawnQuantity(tally.shares()[0], spaces, tally.passing)
+        drawn = DrawnQuantity(*year.drawn_shares(tally), tally.passing)
     else:
         half = _factor(year) * year.illuminance[f"{name}_se"].values
         low, high = (thresholds.stamps_reached(end, limit) for end in (E - half, E + half))
-        bounds = thresholds.share(low >= required), thresholds.share(high >= required)
+        bounds = year.share(low >= required)[0], year.share(high >= required)[0]
     is_sun = quantity.light == "direct_sun"
     hours = stamps * year.step_hours
     needed = required * year.step_hours
@@ -129,21 +127,21 @@ def _points(quantity: Quantity, year: StandardYear) -> Counted:
 
 
 def _moments(quantity: Quantity, year: StandardYear) -> Counted:
-    """Share of the points that lie within limits at every moment [%], E being a mean of days."""
+    """Share of the floor whose points lie within limits at every moment [%], E a mean of days."""
     low, high = quantity.threshold, quantity.at_most or np.inf
     E, half = (of_moments(year.illuminance[f"total_open{suffix}"].values) for suffix in ("", "_se"))
     thresholds.checked(year.illuminance["total_open"], "total_open")
     half = half * _factor(year)
     within = (low <= E) & (high >= E)
-    sizes = np.bincount(year.space)
     held = np.asarray(np.all(within, axis=0))
     sure = np.all((E - half >= low) & (E + half <= high), axis=0)
     may = np.all((E + half >= low) & (E - half <= high), axis=0)
-    drawn, bounds = None, (thresholds.share(np.asarray(sure)), thresholds.share(np.asarray(may)))
+    drawn, bounds = None, (year.share(np.asarray(sure))[0], year.share(np.asarray(may))[0])
     if year.can_draw(quantity.light):
         by_space, passing = _drawn_moments(year, low, high)
-        drawn = DrawnQuantity(sizes @ by_space / sizes.sum(), by_space, passing)
-    value, by_space = thresholds.share(held), 100.0 * np.bincount(year.space, held) / sizes
+        areas = year.space_areas
+        drawn = DrawnQuantity(areas @ by_space / areas.sum(), by_space, passing)
+    value, by_space = year.share(held)
     hours = np.count_nonzero(within, axis=0) * year.step_hours
     needed = len(MOMENTS) * year.step_hours
     return Counted("%", value, by_space, hours, drawn, bounds, True, needed, year.space)
@@ -155,12 +153,12 @@ def of_moments(E: np.ndarray) -> np.ndarray:
 
 
 def _drawn_moments(year: StandardYear, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
-    """Share of a space's points within limits [%], (space, draw), and of the draws, (sensor,)."""
-    state, sizes = year.open_state, np.bincount(year.space)
+    """Share of a space's floor within limits [%], (space, draw), and of the draws, (sensor,)."""
+    state, areas = year.open_state, year.space_areas
     assert year.replicates is not None
     stamps = len(year.at)
     drawn = multipliers(year.replicates[0].open.sizes["replicate"], year.evidence.drawing["seed"])
-    count, passing = np.zeros((len(sizes), DRAWS)), np.empty(len(year.space))
+    count, passing = np.zeros((len(areas), DRAWS)), np.empty(len(year.space))
     with one_blas_thread():  # as in `draw_autonomy`
         for start in range(0, len(year.space), SENSORS):
             sensors = np.arange(start, min(start + SENSORS, len(year.space)))
@@ -170,16 +168,16 @@ def _drawn_moments(year: StandardYear, low: float, high: float) -> tuple[np.ndar
             E = state.doubts(time, sensor, 0.0, drawn).above()
             E = of_moments(E.reshape(stamps, len(sensors), DRAWS))
             held = ((low <= E) & (high >= E)).all(axis=0)
-            np.add.at(count, year.space[sensors], held)
+            np.add.at(count, year.space[sensors], year.area[sensors, None] * held)
             passing[sensors] = held.mean(axis=1)
-    return 100.0 * count / sizes[:, None], passing
+    return 100.0 * count / areas[:, None], passing
 
 
 def _mean_hours(quantity: Quantity, year: StandardYear) -> Counted:
     """Hours in which the mean of each space's points reaches the threshold, shade open [h]."""
-    limit, step, spaces = quantity.threshold, year.step_hours, list(year.spaces.values())
+    limit, step, spaces = quantity.threshold, year.step_hours, range(len(year.spaces))
     mean, error = (
-        np.stack([E[:, s].mean(axis=1, dtype=float) for s in spaces])
+        np.stack([year.mean(E, space) for space in spaces])
         for E in (year.illuminance[f"total_open{suffix}"].values for suffix in ("", "_se"))
     )
     hours, low, high = (
@@ -201,8 +199,11 @@ def _drawn_means(year: StandardYear, limit: float) -> np.ndarray:
     C, sky = year.replicates
     is_open = by_luminance(C.open[[name for name in OF_MEAN if name in C.open]])
     spaces = year.spaces.values()
-    of_spaces = [is_open] if len(spaces) == 1 else (is_open.isel(sensor=s) for s in spaces)
-    parts = [of_space.mean("sensor", skipna=False) for of_space in of_spaces]
+    area = xr.DataArray(year.area, dims="sensor")
+    parts = [
+        is_open.isel(sensor=s).weighted(area.isel(sensor=s)).mean("sensor", skipna=False)
+        for s in spaces
+    ]
     means = xr.concat(parts, "sensor", coords="minimal", compat="override").map(
         lambda v: v.transpose("replicate", "sensor", ..., missing_dims="ignore")
     )

@@ -9,21 +9,19 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.toml import Fraction, Illuminance, Name, Table, checked, choose, tomllib
+from drcmitsuba.runtime.toml import (
+    Fraction,
+    Illuminance,
+    Name,
+    Sourced,
+    Table,
+    Text,
+    checked,
+    choose,
+    tomllib,
+)
 
-Sure = Literal["read in public code", "read in quotations", "public page", "second-hand"]
-"""How sure a number is, from the surest."""
-Text = Annotated[str, Field(max_length=400)]
 Hours = Annotated[float, Field(gt=0, le=8784)]
-
-
-class Sourced(Table):
-    """A table that says where its numbers come from."""
-
-    source: Text
-    """Publication or file that states the numbers."""
-    sure: Sure
-    """How the source was read."""
 
 
 class Quantity(Sourced):
@@ -84,7 +82,7 @@ class Level(Sourced):
     scope: Literal["area", "spaces"] = "area"
     """Whether the limits are asked of all points together, or of every space by itself."""
     spaces: Fraction = 1.0
-    """Share of the area whose spaces have to hold the limits, counted by their points [–]."""
+    """Share of the floor area whose spaces have to hold the limits [–]."""
 
 
 class Flag(Sourced):

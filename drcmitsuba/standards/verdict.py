@@ -9,7 +9,7 @@ import numpy as np
 
 from drcmitsuba.case.shading import AREA, THRESHOLD
 from drcmitsuba.metrics import Interval
-from drcmitsuba.standards.coverage import clearest_days, spacings
+from drcmitsuba.standards.coverage import clearest_days
 from drcmitsuba.standards.deciding import Deciding, deciding
 from drcmitsuba.standards.quantities import Counted
 from drcmitsuba.standards.standard import Level, Limit, Standard
@@ -17,8 +17,6 @@ from drcmitsuba.standards.year import StandardYear
 
 TINY = 1e-9
 """Difference that counts as a tie: mirror images of shares have errors of rounding."""
-ALIKE = 1.01
-"""Ratio up to which spacings count as equal."""
 
 
 @dataclass(frozen=True)
@@ -152,8 +150,8 @@ def outcome(level: Level, counted: dict[str, Counted], year: StandardYear) -> Ou
         Hours that were counted.
     """
     by_space = level.scope == "spaces"
-    sizes = np.bincount(year.space)
-    least = level.spaces * sizes.sum() - TINY
+    areas = year.space_areas
+    least = (level.spaces - TINY) * areas.sum()
 
     def holds(values: list[np.ndarray]) -> np.ndarray:
         """Whether each space holds all limits, from the values of each limit's quantity."""
@@ -162,7 +160,7 @@ def outcome(level: Level, counted: dict[str, Counted], year: StandardYear) -> Ou
 
     def passes(held: np.ndarray) -> np.ndarray:
         """Whether the level is reached, from what each space holds (space, …)."""
-        return sizes @ held >= least if by_space else held[0]
+        return areas @ held >= least if by_space else held[0]
 
     used = [counted[limit.quantity] for limit in level.limits]
     held = holds([c.by_space if by_space else np.array([c.value]) for c in used])
@@ -200,8 +198,8 @@ def _closest(level: Level, counted: dict[str, Counted], year: StandardYear) -> _
         for i, name in enumerate(spaces)
     ]
     order = np.argsort(np.negative(slack), kind="stable")
-    area = np.cumsum(np.bincount(year.space)[order])
-    last = int(order[np.searchsorted(area, level.spaces * area[-1] - TINY)])
+    area = np.cumsum(year.space_areas[order])
+    last = int(order[np.searchsorted(area, (level.spaces - TINY) * area[-1])])
     return _likeliest_to_fail(level, counted, last, spaces[last])
 
 
@@ -279,7 +277,4 @@ def _notes(standard: Standard, year: StandardYear) -> list[str]:
         notes.append("no probability: coefficients.zarr and sky.zarr hold the replicates")
     elif standard.shade and year.varies:
         notes.append("no probability: C on disk does not hold all states of the façade")
-    apart = list(spacings(year.evidence.illuminance).values())
-    if max(apart) > ALIKE * min(apart):
-        notes.append("spacings of the grids differ: shares are of points, not of area")
     return notes + list(standard.notes)

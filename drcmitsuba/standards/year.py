@@ -15,7 +15,9 @@ from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.metrics.intervals.autonomy import State, draw_autonomy, multipliers
 from drcmitsuba.metrics.intervals.bootstrap_counts import BootstrapCounts, Needed
 from drcmitsuba.metrics.intervals.facade_draws import Closures
+from drcmitsuba.metrics.intervals.rules import DRAWS
 from drcmitsuba.metrics.intervals.year_draws import YearDraws, open_state
+from drcmitsuba.metrics.sensor_areas import ALIKE, area_shares, spacings
 from drcmitsuba.metrics.spaces import sensors_by_space
 from drcmitsuba.schema import luminance
 from drcmitsuba.standards.evidence import Evidence
@@ -52,10 +54,9 @@ class StandardYear:
     def spaces(self) -> dict[str, np.ndarray]:
         """Sensors of every space, or of every grid where no spaces are told; "" without both."""
         every = np.arange(self.illuminance.sizes["sensor"])
-        told = sensors_by_space(self.illuminance)
-        if len(told) > 1:
-            return {space.name: space.sensors for space in told}
-        return sensors_by_grid(self.illuminance) or {"": every}
+        grids = sensors_by_grid(self.illuminance) or {"": every}
+        told = sensors_by_space(self.illuminance) if len(grids) > 1 else ()
+        return {space.name: space.sensors for space in told} or grids
 
     @cached_property
     def space(self) -> np.ndarray:
@@ -64,6 +65,45 @@ class StandardYear:
         for i, sensors in enumerate(self.spaces.values()):
             out[sensors] = i
         return out
+
+    @cached_property
+    def area(self) -> np.ndarray:
+        """Floor area that every sensor stands for, shape (sensor,), in any unit.
+
+        A space's floor is shared by its sensors as `area_shares` says; the floor is that which the
+        evaluation tells, else the squares of the spacings of its grids. All are 1 where they hardly
+        differ.
+        """
+        E, sets = self.illuminance, list(self.spaces.values())
+        floors = np.array([space.floor_area for space in sensors_by_space(E)])
+        if len(floors) != len(sets) or not (floors > 0).all():
+            apart = np.array([*spacings(E).values()]) if len(sets) > 1 else np.ones(1)
+            sizes = np.array([len(sensors) for sensors in sets])
+            floors = sizes * (apart**2 if np.isfinite(apart).all() else 1.0)
+        out = np.ones(E.sizes["sensor"])
+        shares = area_shares(E, sets)
+        for floor, sensors, own in zip(floors, sets, shares, strict=True):
+            out[sensors] = floor * own
+        return out if out.max() > ALIKE**2 * out.min() else np.ones_like(out)
+
+    @cached_property
+    def space_areas(self) -> np.ndarray:
+        """Floor area of every space in the unit of `area`, shape (space,)."""
+        return np.bincount(self.space, self.area)
+
+    def share(self, passed: np.ndarray) -> tuple[float, np.ndarray]:
+        """Share of the floor whose sensors passed (sensor,): of all, and of each space [%]."""
+        held = np.bincount(self.space, self.area * passed, len(self.spaces))
+        by_space = 100.0 * held / self.space_areas
+        return 100.0 * float(held.sum()) / float(self.space_areas.sum()), by_space
+
+    def mean(self, values: np.ndarray, space: int) -> np.ndarray:
+        """Mean over a space's floor of values (time, sensor), shape (time,)."""
+        here = self.space == space
+        own = values[:, here]
+        if np.ptp(self.area[here]) == 0:
+            return np.asarray(own.mean(axis=1, dtype=float))
+        return np.asarray(np.average(own, axis=1, weights=self.area[here]))
 
     @property
     def has_shade(self) -> bool:
@@ -94,6 +134,24 @@ class StandardYear:
             self._lasting[key] = np.partition(E, E.shape[1] - stamps, axis=1)[:, -stamps]
         return self._lasting[key]
 
+    @cached_property
+    def parts(self) -> tuple[np.ndarray, np.ndarray]:
+        """Sensors of a space that stand for the same area: the part of each sensor, (sensor,), and
+        the space of each part, (part,), indices.
+        """
+        pairs = np.stack([self.space, self.area])
+        of_part, part = np.unique(pairs, axis=1, return_inverse=True)
+        return np.asarray(part).ravel(), of_part[0].astype(np.int64)
+
+    def drawn_shares(self, tally: BootstrapCounts) -> tuple[np.ndarray, np.ndarray]:
+        """Share of the floor whose sensors pass in every draw [%]: (draw,), and (space, draw)."""
+        part, space = self.parts
+        area = np.bincount(part, self.area)
+        held = np.zeros((len(self.spaces), DRAWS))
+        np.add.at(held, space, area[:, None] * [tally.shares(i)[0] for i in range(len(area))])
+        whole = self.space_areas
+        return held.sum(axis=0) / whole.sum(), held / whole[:, None]
+
     def can_draw(self, light: str) -> bool:
         """Whether there are replicates of a light."""
         return self.replicates is not None and (light == "open" or not self.varies)
@@ -101,9 +159,9 @@ class StandardYear:
     def tally(self, light: str, threshold: float, required: int) -> BootstrapCounts:
         """Count, in every draw, the sensors that reach a threshold at `required` time stamps.
 
-        The threshold of `direct_sun` is that of LM-83.
+        They are counted by `parts`. The threshold of `direct_sun` is that of LM-83.
         """
-        needed = Needed.of_period(len(self.at), required, self.space)
+        needed = Needed.of_period(len(self.at), required, self.parts[0])
         if light == "direct_sun":
             return self._in_use.exposure(threshold, needed)
         if light == "total":

@@ -129,3 +129,46 @@ def test_an_unknown_margin_is_refused(refused, tmp_path, margin, complaint):
     file = written(tmp_path)
     file.write_text(CASE.replace('"EN 17037"', margin))
     assert complaint in refused("plan", file)
+
+
+OWN = """
+[groups.all]
+panes = ["pane"]
+states = ["shade"]
+[spaces.west]
+outline = [[0, 0], [4, 0], [4, 5], [0, 5]]
+height = 3.0
+[spaces.east]
+outline = [[4, 0], [8, 0], [8, 5], [4, 5]]
+height = 3.0
+groups = ["all"]
+"""
+
+
+def test_a_group_of_a_space_closes_by_its_sun_alone(run, tmp_path):
+    """The group is the only one; the west has more sun than the east, which it belongs to."""
+    closed, in_sun = {}, {}
+    for name, more in (("own", OWN), ("any", OWN.replace('groups = ["all"]\n', ""))):
+        (folder := tmp_path / name).mkdir()
+        code, _, err = run("evaluate", written(folder, more), "-o", folder / "out")
+        assert code == 0, err
+        with xr.open_dataset(folder / "out" / "illuminance.nc", engine="h5netcdf") as E:
+            closed[name] = E["facade_state"].isel(group=0).values > 0
+            reached = E["direct_sun"] >= 1000
+            if name == "own":  # sun in the west comes through a group of another space
+                assert (E["sun_group"].values[:, E["space"].values == "west"] == -1).all()
+                reached &= E["sun_group"] == 0
+            sunlit = reached.groupby("space").mean("sensor").load()
+            in_sun[name] = {at: sunlit.sel(space=at).values >= 0.02 for at in ("east", "west")}
+    east, west = in_sun["any"].values()
+    np.testing.assert_array_equal(closed["own"], in_sun["own"]["east"])
+    np.testing.assert_array_equal(closed["any"], east | west)
+    assert not (closed["own"] & ~east).any()
+    assert 0 < closed["own"].sum() < closed["any"].sum()
+
+
+def test_a_group_of_a_space_is_one_of_the_case(refused, tmp_path):
+    more = OWN.replace('["all"]', '["al"]')
+    assert 'spaces.east.groups: there is no group "al"; did you mean "all"?' in refused(
+        "plan", written(tmp_path, more)
+    )

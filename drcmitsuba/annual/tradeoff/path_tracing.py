@@ -18,6 +18,7 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba import schema
+from drcmitsuba.annual.attributes import spaces_text
 from drcmitsuba.annual.tradeoff.reference import (
     ENOUGH,
     FEWEST_ROUNDS,
@@ -33,6 +34,7 @@ from drcmitsuba.case.groups import BLOCKED, OPEN, State
 from drcmitsuba.case.sun import TrueSun
 from drcmitsuba.metrics.facade_states import ShadeRule, sunlit
 from drcmitsuba.metrics.grids import grid_of_sensors
+from drcmitsuba.metrics.watched_groups import watched
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.launch_size import PATHS
@@ -118,12 +120,15 @@ def _states(
     """State of every group, an index, (time, group), by direct sun (time, sensor) [lx]."""
     at = prepared(case).receivers.coordinates.coords
     sun = xr.Dataset({"direct_sun": (("time", "sensor"), direct)}, {**at, "time": times})
-    if len(rule.groups) > 1:
+    belongs = any(space.groups for space in prepared(case).spaces)
+    if len(rule.groups) > 1 or belongs:
         blocked = np.full((len(rule.groups),) * 2, BLOCKED)
         np.fill_diagonal(blocked, 0)
         each = [direct_sun(case, light, rule.groups.label(row)) for row in blocked.tolist()]
         group = np.where(direct > 0, np.argmax(each, axis=0), -1)
-        sun = sun.assign(sun_group=(("time", "sensor"), group))
+        told = sun.assign_attrs(rule.groups.attributes() | {"spaces": spaces_text(case)})
+        through = xr.DataArray(group, dims=("time", "sensor"))
+        sun = sun.assign(sun_group=watched(through, told))
     closed = rule.closed(sunlit(sun, rule), np.bincount(grid_of_sensors(sun)))
     return rule.indices(closed, sun["time"])
 

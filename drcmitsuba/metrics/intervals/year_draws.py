@@ -75,7 +75,8 @@ class YearDraws:
 def closures_of(direct: xr.Dataset, sun: SunDraws, rules: Rules) -> Closures:
     """Draw when groups of panes close, from the direct sun and its draws."""
     mean, rule = direct["direct_sun"], rules.shade
-    group = None if len(rule.groups) == 1 else sun_group(direct)
+    is_one = len(rule.groups) == 1 and "sun_group" not in direct
+    group = None if is_one else sun_group(direct)
     return draw_closures(mean.values, group, grid_of_sensors(direct), mean["time"], sun, rule)
 
 

@@ -16,7 +16,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.metrics.evaluate_metrics import settings_of
 from drcmitsuba.report.document.light_of_sensors import light_of_sensors
 from drcmitsuba.report.document.stored_lights import stored_lights
-from drcmitsuba.report.document.stored_pictures import Glare, stored_glare
+from drcmitsuba.report.document.stored_pictures import StoredGlare, stored_glare
 from drcmitsuba.report.metrics_file import case_of, read_numbers
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
@@ -54,7 +54,7 @@ class EvaluatedFacade:
     """Light of some points by where it comes from."""
     light_of_sensors: xr.Dataset | None = None
     """The same of all points, without their sky domes."""
-    glare: Glare | None = None
+    glare: StoredGlare | None = None
     """Glare of views, by state of the façade."""
 
     @property

@@ -19,13 +19,13 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from drcmitsuba.report.document import charts, record, stored_lights, tables, verdicts
+from drcmitsuba.report.document import charts, record, spaces, stored_lights, tables, verdicts
 from drcmitsuba.report.document.facade import EvaluatedFacade
 from drcmitsuba.report.document.hours import Hours
 from drcmitsuba.report.document.labels import labels
 from drcmitsuba.report.document.light_of_sensors import PackedLight, shares
 from drcmitsuba.report.document.plans import MOST_CORNERS, MOST_POINTS, plans, shown_points
-from drcmitsuba.report.document.stored_pictures import PagePicture, glare_table, pictures
+from drcmitsuba.report.document.stored_pictures import PagePicture, glare_tables, pictures
 from drcmitsuba.report.document.table import Number, PageTable, text
 from drcmitsuba.report.lights import of_period
 from drcmitsuba.runtime import storage
@@ -124,7 +124,7 @@ class Report:
             "differences": known([tables.differences(self.facades, self.names)]),
             "months": [tables.months(*each) for each in self._each],
             "charts": [charts.months(*each) for each in self._each],
-            "spaces": known(tables.spaces(*each) for each in self._each),
+            "spaces": known(spaces.table(*each) for each in self._each),
             "groups": known(tables.groups(*each) for each in self._each),
             "verdicts": verdicts.overview(self.facades, self.names),
             "judgements": [verdicts.judgements(*each) for each in self._each],
@@ -133,7 +133,9 @@ class Report:
                 for f, name in self._each
                 if f.lights is not None
             ],
-            "glare": [glare_table(f.glare, name) for f, name in self._each if f.glare],
+            "glare": [
+                each for f, name in self._each if f.glare for each in glare_tables(f.glare, name)
+            ],
             "plan": known(record.plan(*each) for each in self._each),
             "versions": record.versions(self.facades, self.names),
             "notes": [(name, record.notes(facade)) for facade, name in self._each],
@@ -223,11 +225,13 @@ def _numbers(facade: EvaluatedFacade) -> Iterator[list[Any]]:
         for month, number in enumerate(facade.numbers[metric], start=1):
             if number is not None:
                 yield ["", month, metric, *(number[key] for key in keys), "%"]
-    told = tables.told_rows(facade.numbers, "spaces")
+    told = spaces.told_rows(facade.numbers, "spaces")
     parts = {space.get("name", ""): space for space in told} if len(told) > 1 else {}
     for name, numbers in (parts or facade.numbers.get("grids", {})).items():
         for metric in ("sDA", "ASE"):
             yield [_inert(text(name)), "", metric, *(numbers[metric][key] for key in keys), "%"]
+        for metric, values, unit in spaces.numbers_of_task(numbers):
+            yield [_inert(text(name)), "", metric, *values, *[""] * (3 - len(values)), unit]
 
 
 def _lights(facade: EvaluatedFacade) -> Iterator[list[Any]]:
@@ -245,7 +249,7 @@ def _lights(facade: EvaluatedFacade) -> Iterator[list[Any]]:
 
 def _glare(facade: EvaluatedFacade) -> Iterator[list[Any]]:
     """The same of the hours with glare of every view, and the probability of its class."""
-    for state, views in (facade.glare or {}).items():
+    for state, views in ({} if facade.glare is None else facade.glare.DGP).items():
         for view, of in views.items():
             place = _inert(text(view))
             for limit, hours in of.above.items():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatch
 from pathlib import Path
@@ -14,7 +15,7 @@ from pydantic import BaseModel, Field, ValidationError
 
 from drcmitsuba.metrics import Interval
 from drcmitsuba.report.document.labels import labels
-from drcmitsuba.report.document.table import Cell, PageTable, interval, plain, share, text
+from drcmitsuba.report.document.table import NONE, Cell, PageTable, interval, plain, share, text
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 
@@ -86,19 +87,24 @@ class _View(BaseModel):
     above: Annotated[dict[str, Interval], Field(max_length=8)]
     rating: Annotated[str, Field(alias="class", max_length=100)]
     probability: Annotated[dict[str, float], Field(max_length=8)]
+    space: Annotated[str, Field(max_length=1000)] = ""
 
 
-class _Glare(BaseModel):
+class _WorstView(_View):
+    """Glare of the worst view of a space."""
+
+    worst: Annotated[str, Field(max_length=1000)]
+
+
+class StoredGlare(BaseModel):
     """Content of `glare.json`, as far as the report shows it."""
 
     DGP: dict[str, dict[str, _View]]
+    spaces: dict[str, dict[str, _WorstView]] = {}
 
 
-Glare = dict[str, dict[str, _View]]
-
-
-def stored_glare(folder: Path) -> Glare | None:
-    """Read `glare.json` of a folder: views by state; None where there is none.
+def stored_glare(folder: Path) -> StoredGlare | None:
+    """Read `glare.json` of a folder; None where there is none.
 
     Raises
     ------
@@ -111,25 +117,47 @@ def stored_glare(folder: Path) -> Glare | None:
     remedy = "run drcmitsuba glare again"
     content = storage.load_json(path, "glare", LARGEST_FILE, remedy)
     try:
-        return _Glare.model_validate(content).DGP
+        return StoredGlare.model_validate(content)
     except ValidationError as error:
         got = str(error).splitlines()[0][:120]
         raise InputError(path, "glare", got, remedy) from None
 
 
-def glare_table(glare: Glare, name: str) -> PageTable:
-    """Table of the hours with glare of every view, by state of the façade."""
-    t, rows = labels(), []
-    every = [view for views in glare.values() for view in views.values()]
-    limits = list(dict.fromkeys(limit for view in every for limit in view.above))
-    for state, views in glare.items():
+def glare_tables(glare: StoredGlare, name: str) -> list[PageTable]:
+    """Tables of the hours with glare of every view, by state of the façade; where the views lie in
+    spaces, the worst view of each in the last state before them.
+    """
+    t, tables = labels(), []
+    for state, spaces in [*glare.spaces.items()][-1:]:
+        worst = [
+            ((plain(space), plain(of.worst), plain(state)), of) for space, of in spaces.items()
+        ]
+        title = t["worst_views"].format(facade=name)
+        tables += [_glare_table(title, (t["space"], t["view"], t["state"]), worst)] if worst else []
+    in_spaces = any(of.space for views in glare.DGP.values() for of in views.values())
+    rows = []
+    for state, views in glare.DGP.items():
         for view, of in views.items():
-            hours: list[Cell] = [
-                interval(of.above[k].to_dict() if k in of.above else None) for k in limits
-            ]
-            chance = of.probability.get(of.rating)
-            rows.append((plain(view), plain(state), *hours, plain(of.rating), (share(chance),)))
-    head = [t["view"], t["state"], *(t["glare_above"].format(limit=text(k)) for k in limits)]
-    head += [t["glare_class"], t["probability"]]
-    note = t["more_views"].format(count=len(rows) - MOST_VIEWS) if len(rows) > MOST_VIEWS else ""
-    return PageTable(name, tuple(head), tuple(rows[:MOST_VIEWS]), note)
+            place = (plain(of.space or NONE),) if in_spaces else ()
+            rows.append(((plain(view), *place, plain(state)), of))
+    head = (t["view"], *((t["space"],) if in_spaces else ()), t["state"])
+    return [*tables, _glare_table(name, head, rows)]
+
+
+def _glare_table(
+    title: str, names: tuple[str, ...], views: Sequence[tuple[tuple[Cell, ...], _View]]
+) -> PageTable:
+    """Table of the hours with glare, with `names` of the columns before them."""
+    t = labels()
+    limits = list(dict.fromkeys(limit for _, of in views for limit in of.above))
+    rows = [
+        (
+            *words, *(interval(of.above[k].to_dict() if k in of.above else None) for k in limits),
+            plain(of.rating), (share(of.probability.get(of.rating)),),
+        )
+        for words, of in views[:MOST_VIEWS]
+    ]  # fmt: skip
+    above = (t["glare_above"].format(limit=text(k)) for k in limits)
+    more = len(views) - MOST_VIEWS
+    note = t["more_views"].format(count=more) if more > 0 else ""
+    return PageTable(title, (*names, *above, t["glare_class"], t["probability"]), tuple(rows), note)

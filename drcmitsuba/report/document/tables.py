@@ -1,10 +1,9 @@
-"""Tables of the report: what was asked, metrics, months, spaces."""
+"""Tables of the report: what was asked, metrics, months, groups of panes."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.report.captions import month_names, period_text
@@ -21,10 +20,8 @@ from drcmitsuba.report.document.table import (
     text,
 )
 
-ENDS = ("value", "low", "high")
-"""Numbers of a share."""
-MOST_GRIDS = 40
-"""Largest number of spaces of a façade in the table."""
+MOST_GROUPS = 40
+"""Largest number of groups of a façade in the table."""
 MOST_NAMES = 12
 """Largest number of materials or states that are listed."""
 MONTHLY = ("msDA", "MSE", "shade_closed_monthly")
@@ -142,65 +139,13 @@ def months(facade: EvaluatedFacade, name: str) -> PageTable:
     return PageTable(name, (t["month"], *(t[n] for n in shown)), rows)
 
 
-def spaces(facade: EvaluatedFacade, name: str) -> PageTable | None:
-    """Table of the spaces of one façade, those with least daylight first, of its storeys, and of
-    the building by area; of its grids where it tells no spaces apart, and None without grids.
-    """
-    t, grids = labels(), facade.numbers.get("grids", {})
-    told, whole = told_rows(facade.numbers, "spaces"), told_rows(facade.numbers, "building")
-    if len(told) > 1 and whole:
-        building = {**whole[0], "name": t["by_area"]}
-        worst = sorted(told, key=lambda space: space["sDA"]["value"])
-        rooms = [*worst[:MOST_GRIDS], *told_rows(facade.numbers, "storeys"), building]
-        columns = ("space", "use", "storey", "floor_area", "point_count", "sDA", "ASE")
-        left = len(told) - MOST_GRIDS
-        note = t["more_spaces"].format(count=left) if left > 0 else ""
-        return PageTable(name, tuple(t[n] for n in columns), tuple(map(_space, rooms)), note)
-    if not grids:
-        return None
-    rows: list[tuple[Cell, ...]] = []
-    sizes = {n: len(sensors) for n, sensors in sensors_by_grid(facade.illuminance).items()}
-    for grid, numbers in list(grids.items())[:MOST_GRIDS]:
-        shares = (interval(numbers[metric]) for metric in ("sDA", "ASE"))
-        rows.append((plain(grid), plain(sizes.get(grid, NONE)), *shares))
-    left = len(grids) - MOST_GRIDS
-    note = t["more_spaces"].format(count=left) if left > 0 else ""
-    return PageTable(name, (t["space"], t["point_count"], t["sDA"], t["ASE"]), tuple(rows), note)
-
-
-def told_rows(numbers: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
-    """Spaces, storeys, or the building of `metrics.json`; none where the file was damaged."""
-    told = numbers.get(key)
-    rows: list[Any] = told if isinstance(told, list) else [told]
-    return rows if all(map(_is_row, rows)) else []
-
-
-def _is_row(row: object) -> bool:
-    """Whether an entry has an area, a number of sensors, and shares with their intervals."""
-    if not isinstance(row, dict):
-        return False
-    shares = [row.get(name) for name in ("sDA", "ASE")]
-    ends = [each.get(end) for each in shares if isinstance(each, dict) for end in ENDS]
-    numbers = [row.get("floor_area"), row.get("sensors"), *ends]
-    is_named = all(isinstance(row.get(key, ""), str) for key in ("name", "use", "storey"))
-    return is_named and len(numbers) == 8 and all(isinstance(n, int | float) for n in numbers)
-
-
-def _space(space: Mapping[str, Any]) -> tuple[Cell, ...]:
-    """Row of a space, a storey, or the building."""
-    words = (plain(space.get(key) or NONE) for key in ("name", "use", "storey"))
-    shares = (interval(space[metric]) for metric in ("sDA", "ASE"))
-    area = (Number(float(space["floor_area"]), 1), " m²")
-    return (*words, area, plain(space["sensors"]), *shares)
-
-
 def groups(facade: EvaluatedFacade, name: str) -> PageTable | None:
     """Table of the hours that groups of panes are in each state; None without such groups."""
     t, told = labels(), facade.numbers.get("groups")
     if not isinstance(told, dict) or not told:
         return None
     rows: list[tuple[Cell, ...]] = []
-    for group, shares in list(told.items())[:MOST_GRIDS]:
+    for group, shares in list(told.items())[:MOST_GROUPS]:
         states = shares.items() if isinstance(shares, dict) else ()
         known = (f"{text(s)} {v:.1f} %" for s, v in states if isinstance(v, int | float))
         rows.append((plain(group), plain(", ".join(known))))

@@ -302,6 +302,32 @@ def test_smooth_margins_tend_to_the_hard_ones(year, at_least, changes):
 
 
 @pytest.mark.parametrize(
+    ("at_least", "changes"), [(60.0, {"hours": 60.0}), (30.0, {"of": "mean", "hours": 30.0})]
+)
+def test_smooth_margins_count_the_floor_that_the_hard_ones_count(year, at_least, changes):
+    """A dim grid of 12 points 0.3 m apart beside a bright one of 12 points 0.6 m apart."""
+    asked = required(year, "sDA", at_least, light="open", fraction=None, **changes)
+    x, y = np.divmod(np.arange(12), 3)
+    apart, grid = np.repeat([0.3, 0.6], 12), np.repeat(np.array(["a", "b"], object), 12)
+    space = {"name": "hall", "use": "", "storey": "", "floor_area": 5.4}
+    at = asked.coordinates.assign_coords(
+        x=("sensor", np.tile(x, 2) * apart + np.repeat([0, 20], 12)),
+        y=("sensor", np.tile(y, 2) * apart), grid=("sensor", grid),
+    )  # fmt: skip
+    E = np.random.default_rng(3).uniform(0, 1, (year.time, 24)) * np.repeat([400, 700], 12)
+    lit = Illuminances(*(mi.TensorXf((f * E).astype(np.float32)) for f in (1.0, 0.4, 0.0)))
+    margins = {}
+    for name, coordinates in (("floor", at.assign_attrs(spaces=json.dumps([space]))),
+                              ("points", asked.coordinates)):  # fmt: skip
+        its = replace(asked, coordinates=coordinates)
+        _, (hard,) = its.hard(lit)
+        (near,) = its.smooth(lit, 4096.0)
+        assert abs(float(near[0]) - hard) < 0.02
+        margins[name] = hard
+    assert margins["floor"] > margins["points"] + 0.1  # bright points stand for 80 % of the floor
+
+
+@pytest.mark.parametrize(
     "values",
     [(0.9, 0.5, 0.0, 1.0), (0.9, 0.5, 1 / 3, 1.0), (1.2, 1 / 3, 0.5, 0.0), (0.9, 0.5, 1, 1)],
 )

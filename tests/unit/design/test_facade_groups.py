@@ -1,5 +1,7 @@
 """Groups of panes in a search: the hard rule as metrics have it, its smooth twin, a simulation."""
 
+import json
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -14,6 +16,7 @@ from drcmitsuba.design.facade_groups import MOST_STATES, FacadeGroups
 from drcmitsuba.design.layout import Layout
 from drcmitsuba.metrics import smooth
 from drcmitsuba.metrics.facade_states import ShadeRule, sunlit
+from drcmitsuba.metrics.watched_groups import outside_of, watched
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.transport.elements.state_illuminances import Illuminances
@@ -38,11 +41,12 @@ def rule(groups, scheduled=()):
     return ShadeRule(states, 1000.0, 0.1, Schedule(of_group, groups))
 
 
-def facade(given, grid=None):
+def facade(given, grid=None, outside=None):
     time = xr.DataArray(np.datetime64("2015-03-01", "h") + np.arange(HOURS), dims="time")
     time = time.astype("M8[ns]").assign_coords(time=time.values.astype("M8[ns]"))
     grid = np.zeros(SENSORS, int) if grid is None else grid
-    return FacadeGroups.of(given, time, grid, "case")
+    outside = np.zeros((len(given.groups), SENSORS), bool) if outside is None else outside
+    return FacadeGroups.of(given, time, grid, outside, "case")
 
 
 def year(groups, seed=3):
@@ -57,10 +61,16 @@ def year(groups, seed=3):
     return Illuminances(*states[:2], tensor(sun), tuple(states[2:]), by_group)
 
 
-@pytest.mark.parametrize("scheduled", [(), (1,)])
-def test_states_are_those_of_the_metrics(scheduled):
+@pytest.mark.parametrize(("scheduled", "own"), [((), []), ((1,), []), ((), ["c"])])
+def test_states_are_those_of_the_metrics(scheduled, own):
+    """Groups of the space `own` belong to that of the first grid."""
     grid = np.arange(SENSORS) // 15
-    groups = facade(rule(3, scheduled), grid)
+    rows = [{"name": "0", "groups": own}, {"name": "1"}]
+    at = xr.Dataset(coords={"space": ("sensor", grid.astype(str))})
+    at = at.assign_attrs(spaces=json.dumps(rows))
+    given = rule(3, scheduled)
+    groups = facade(given, grid, outside_of(given.groups, at))
+    at = at.assign_attrs(given.groups.attributes())
     E = year(groups)
     by = np.argmax([sun.numpy() for sun in E.by_group], axis=0)
     sun = xr.Dataset(
@@ -68,6 +78,8 @@ def test_states_are_those_of_the_metrics(scheduled):
          "sun_group": (("time", "sensor"), by)},
         {"time": groups.time.values, "grid": ("sensor", grid.astype(str))},
     )  # fmt: skip
+    sun["sun_group"] = watched(sun["sun_group"], at)
+    assert (sun["sun_group"].values < 0).any() == bool(own)
     lit = sunlit(sun, groups.rule)
     taken = groups.rule.indices(groups.rule.closed(lit, np.bincount(grid)), groups.time)
     expected = np.empty((HOURS, SENSORS), np.float32)

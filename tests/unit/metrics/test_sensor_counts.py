@@ -108,8 +108,9 @@ def test_blocks_of_sensors_have_the_numbers_of_all_together(year):
     names, month = list(sensors_by_grid(E)), E["time"].dt.month.values
     np.testing.assert_allclose(draws.mean, whole.mean, rtol=1e-6)
     every = xr.concat(counts, "sensor", data_vars="minimal", coords="minimal", compat="override")
+    none = np.zeros((HOURS, 0))
     counted = CountedYear(
-        every, month, RULES, draws.draws(shut, month - 1, names), shut, shut.state[:, None]
+        every, month, RULES, draws.draws(shut, month - 1, names), shut, shut.state[:, None], none
     )
     expected = summarise(E, RULES, whole.draws(shut, month - 1, names))
     numbers = counted.numbers()

@@ -1,0 +1,163 @@
+"""Uses of spaces, and the table `[uses]` of a case: targets, hours, words that tell a use.
+
+The uses that come with the program, and where their numbers are from, stand in `uses.toml`. They
+serve daylight autonomy and the electric light of a space; sDA keeps its own threshold.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from fnmatch import fnmatchcase
+from functools import cache, lru_cache
+from importlib import resources
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from drcmitsuba.model.space import Space
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import (
+    Illuminance,
+    Name,
+    Sourced,
+    Table,
+    checked,
+    choose,
+    shortened,
+    tomllib,
+)
+
+Hour = Annotated[int, Field(ge=0, le=24)]
+Power = Annotated[float, Field(gt=0, le=1000)]
+Words = Annotated[tuple[Name, ...], Field(max_length=100)]
+MOST_NAMES = 3
+"""Largest number of spaces of unknown use that a note names."""
+
+
+class TaskTable(Table):
+    """What a task wants: keys that a use and a space share."""
+
+    hours: tuple[Hour, Hour] | None = None
+    """First hour of use on the clock, and the hour at which the last one ends [h]; by default those
+    of the use, or all hours of the period."""
+    power: Power | None = None
+    """Installed power of the lamps [W/m²], from which their energy follows."""
+
+    @model_validator(mode="after")
+    def _in_turn(self) -> TaskTable:
+        if self.hours is not None and self.hours[0] >= self.hours[1]:
+            got = f"{self.hours[0]} to {self.hours[1]} h"
+            raise InputError("case", "hours", got, "give the first hour and a later last one")
+        return self
+
+
+class UseTable(TaskTable):
+    """Use of spaces; what the program's own use of this name has may be left out."""
+
+    target: Illuminance | None = None
+    """Mean illuminance that the task wants [lx]."""
+    words: Words = ()
+    """Words that tell the use, in the use of a space or else in its name; * stands for any text."""
+
+
+class Use(UseTable, Sourced):
+    """Use that comes with the program."""
+
+    target: Illuminance
+
+
+@cache
+def shipped_uses() -> dict[str, Use]:
+    """Uses that come with the program, by name, in the order in which they are tried."""
+    text = (resources.files("drcmitsuba.case") / "uses.toml").read_text(encoding="utf-8")
+    return {name: checked(Use, row, "uses.toml") for name, row in tomllib.loads(text).items()}
+
+
+def known_uses(tables: Mapping[str, UseTable], source: str) -> dict[str, UseTable]:
+    """Uses of a case before those of the program, whose keys it overrules.
+
+    Raises
+    ------
+    InputError
+        A use that the program does not know has no target.
+    """
+    shipped, out = shipped_uses(), dict[str, UseTable]()
+    for name, table in tables.items():
+        known = shipped.get(name, UseTable())
+        stated = {key: getattr(table, key) for key in table.model_fields_set}
+        out[name] = known.model_copy(update=stated)
+        if out[name].target is None:
+            remedy = choose(name, list(shipped), "give target = 300")
+            got = "none, and the program has no such use"
+            raise InputError(source, f"uses.{name}.target", got, remedy)
+    return out | {name: use for name, use in shipped.items() if name not in out}
+
+
+def recognised(words: str, uses: Mapping[str, UseTable]) -> str:
+    """Name of the use that words tell; empty where they tell none.
+
+    It is the use of that name, or else the first one of which a word occurs: capitals within a name
+    begin a word, so that "OfficeOpenPlan" holds "office".
+    """
+    text = plain_words(words)
+    for name in uses:
+        if plain_words(name) == text and text:
+            return name
+    for name, use in uses.items():
+        if any(fnmatchcase(f" {text} ", f"* {word.lower()} *") for word in use.words):
+            return name
+    return ""
+
+
+@lru_cache(maxsize=4096)
+def plain_words(text: str) -> str:
+    """Words of a name in small letters with single spaces between them."""
+    apart = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", text)
+    return " ".join(re.findall(r"[^\W_]+", apart.lower()))
+
+
+def with_uses(
+    spaces: Sequence[Space], tables: Mapping[str, UseTable], source: str
+) -> tuple[tuple[Space, ...], str]:
+    """Spaces with the targets, hours and power of their uses, and a note on them.
+
+    What a space has already stays. Its use, or its name where that tells nothing, is recognised by
+    `recognised`. The note is empty where no space has a target. Errors are those of `known_uses`.
+    """
+    uses, out = known_uses(tables, source), []
+    taken, unknown = Counter[str](), []
+    for space in spaces:
+        name = recognised(space.use, uses) or recognised(space.name, uses)
+        if name:
+            use = uses[name]
+            taken[name] += space.target is None
+            space = replace(
+                space,
+                target=space.target or use.target,
+                hours=space.hours or use.hours,
+                power=space.power or use.power,
+            )
+        elif space.target is None:
+            unknown.append(space.name)
+        out.append(space)
+    return tuple(out), _note(taken, unknown, uses)
+
+
+def _note(taken: Counter[str], unknown: Sequence[str], uses: Mapping[str, UseTable]) -> str:
+    """Sentence on the uses that were recognised in so many spaces, and on spaces of none."""
+    parts = []
+    for name in dict.fromkeys(taken.elements()):
+        use, count = uses[name], taken[name]
+        hours = "" if use.hours is None else f", {use.hours[0]} to {use.hours[1]} h"
+        parts.append(f"{name} {use.target:g} lx{hours} ({count} space{'s' * (count > 1)})")
+    if not parts:
+        return ""
+    note = f"spaces: targets and hours by use are {'; '.join(parts)}"
+    if unknown:
+        names = ", ".join(map(shortened, unknown[:MOST_NAMES]))
+        more = f" and {len(unknown) - MOST_NAMES} more" if unknown[MOST_NAMES:] else ""
+        note += f"; those of {names}{more} tell none, and take the threshold of sDA in all hours"
+    return f"{note}: [spaces] and [uses] overrule them"
