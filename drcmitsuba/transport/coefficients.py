@@ -39,6 +39,7 @@ from drcmitsuba.transport.coefficient_arrays import (
 from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.films.films import Films
 from drcmitsuba.transport.gather.blocks import Gathered
+from drcmitsuba.transport.own_exits import Passages
 from drcmitsuba.transport.panes.patches import PanePatches
 from drcmitsuba.transport.photons.light import FluxLedger, Landed
 from drcmitsuba.transport.photons.tracer import PhotonTracer
@@ -208,6 +209,7 @@ def estimate_blocks(
         dr.flush_malloc_cache()
     attributes = _photon_attributes(landed) if landed else {}
     groups = groups_of(rooms, len(points))
+    passages = None if rooms is None else Passages.of(base.scene, accuracy.cell_size)
     for number, some in enumerate(groups):
         if some.stop <= done or (len(groups) > 1 and not kept.part.holds(number)):
             continue
@@ -215,7 +217,8 @@ def estimate_blocks(
         own = accuracy.model_copy(update={"seed": seed % SEEDS})
         blocks = _of_group(
             tuple(replace(each, accuracy=own) for each in deposits), tuple(landed), bins,
-            points[some], normals[some], sun_samples=sun_samples, attributes=attributes,
+            points[some], normals[some], rooms=None if rooms is None else rooms[some],
+            passages=passages, sun_samples=sun_samples, attributes=attributes,
             kept=kept if len(groups) == 1 else kept.beyond(some.start), done=done - some.start,
             shared=shared,
             progress=part(progress, some.start / len(points), some.stop / len(points)),
@@ -257,13 +260,18 @@ def groups_of(rooms: np.ndarray | None, sensors: int) -> list[slice]:
 
 def _of_group(
     deposits: tuple[Deposit, ...], landed: tuple[Landed, ...], bins: Bins, points: np.ndarray,
-    normals: np.ndarray, *, sun_samples: int, attributes: dict[str, Any], kept: BlockSeries,
-    done: int, shared: SharedPaths | None, progress: Progress,
+    normals: np.ndarray, *, rooms: np.ndarray | None, passages: Passages | None, sun_samples: int,
+    attributes: dict[str, Any], kept: BlockSeries, done: int, shared: SharedPaths | None,
+    progress: Progress,
 ) -> Iterator[tuple[slice, xr.Dataset]]:  # fmt: skip
     """Yield coefficients of sensors that share the light on cells, block by block."""
     base, numbers = deposits[0], range(len(deposits))
     interior = SharedPaths().interior if shared is None else shared.interior
-    gathered, transfer = interior.of(base.scene, points, normals, base.accuracy)
+    own = None if rooms is None else np.unique(rooms, return_inverse=True)[1] + 1
+    gathered, transfer = interior.of(base.scene, points, normals, base.accuracy, own)
+    if passages is not None:
+        scene = passages.told(base.scene, gathered)
+        deposits = tuple(replace(each, scene=scene) for each in deposits)
     with ExitStack() as files:
         every = Replicates(numbers, deposits, landed, transfer, len(points))
 

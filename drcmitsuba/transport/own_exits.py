@@ -1,0 +1,107 @@
+"""Exits of each room of a building: the panes and holes from which light reaches its surfaces.
+
+Rays from both sides of every pane and hole tell the cells that they meet first; the points that
+stand for a cell know their room. So a room of any shape has the exits on its own side alone, those
+to neighbouring rooms among them, and does not ask for the windows of others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.runtime.flat_arrays import flat, marked
+from drcmitsuba.runtime.launch_size import SHADOW_RAYS
+from drcmitsuba.runtime.random_streams import even_numbers
+from drcmitsuba.scene.exits import exits_on_sides
+from drcmitsuba.scene.geometry import is_triangle, normals, reversed_quads
+from drcmitsuba.scene.scene import Scene
+from drcmitsuba.transport.cells.cells import CellGrid
+from drcmitsuba.transport.gather.blocks import Gathered
+from drcmitsuba.transport.rays.openings import has_shapeless_rooms
+
+RAYS = 256
+"""Number of rays from each side of a pane or hole."""
+AWAY = 1e-3
+"""Distance of the rays' origins from it [m]."""
+
+
+@dataclass(frozen=True)
+class Passages:
+    """Both sides of all panes and holes that straight light passes."""
+
+    sides: np.ndarray
+    """Quads [m], fronts towards the side, shape (side, 4, 3)."""
+    keys: mi.UInt32
+    """Key of the cell that each of `RAYS` rays from a side meets first, flat (side, ray)."""
+    met: mi.Bool
+    """Whether the ray meets any."""
+
+    @classmethod
+    def of(cls, scene: Scene, cell_size: float) -> Passages | None:
+        """Passages of a scene with cells of a size [m]; None where no model has closed rooms."""
+        if not has_shapeless_rooms(scene):
+            return None
+        assert scene.enclosure is not None
+        assert scene.enclosure.passages is not None
+        quads, grid = scene.enclosure.passages, CellGrid.of(scene, cell_size)
+        sides = np.concatenate([quads, reversed_quads(quads)])
+        block = max(1, SHADOW_RAYS // RAYS)
+        parts = [_met(scene, grid, sides[i : i + block]) for i in range(0, len(sides), block)]
+        if not parts:
+            return cls(sides, mi.UInt32(), mi.Bool())
+        keys, met = (dr.concat(part) for part in zip(*parts, strict=True))
+        return cls(sides, keys, met)
+
+    def told(self, scene: Scene, gathered: Gathered) -> Scene:
+        """Scene that knows the exits of the rooms in which the sensors of some paths lie."""
+        within, cells, drawn = gathered.within, gathered.cells, gathered.drawn
+        if within is None or drawn.within is None or scene.enclosure is None:
+            return scene
+        rooms, seen = int(within.max(initial=0)) + 1, set[int]()
+        cell = dr.gather(mi.UInt32, cells.index, self.keys, self.met)
+        met = self.met & (cell < dr.opaque(mi.UInt32, cells.count))  # others are not known
+        side = dr.arange(mi.UInt32, dr.width(cell)) // RAYS
+        for replicate in range(drawn.replicates):
+            entry = cell + dr.opaque(mi.UInt32, replicate * cells.count)
+            room = dr.gather(mi.UInt32, drawn.within, entry, met)
+            at = side * dr.opaque(mi.UInt32, rooms) + room
+            seen |= {*marked(len(self.sides) * rooms, at, met & (room > 0)).numpy().tolist()}
+        sees = np.zeros((len(self.sides), rooms), bool)
+        sees.ravel()[sorted(seen)] = True
+        exits = tuple(exits_on_sides(self.sides[sees[:, room]]) for room in range(1, rooms))
+        return replace(scene, enclosure=replace(scene.enclosure, exits_by_room=exits))
+
+
+def _met(scene: Scene, grid: CellGrid, sides: np.ndarray) -> tuple[mi.UInt32, mi.Bool]:
+    """Key of the cell that every ray from some sides meets, and whether it meets any."""
+    count = len(sides)
+    ray, side = (
+        dr.arange(mi.UInt32, count * RAYS) % RAYS,
+        dr.arange(mi.UInt32, count * RAYS) // RAYS,
+    )
+    corner, along, up, n = (
+        dr.gather(mi.Vector3f, flat(rows), side)
+        for rows in (
+            sides[:, 0],
+            sides[:, 1] - sides[:, 0],
+            sides[:, 3] - sides[:, 0],
+            normals(sides),
+        )
+    )
+    uv = even_numbers(ray, side, 0, 0)
+    fold = dr.gather(mi.Float, flat(is_triangle(sides)), side) * (uv.x + uv.y) > 1
+    uv = dr.select(fold, 1 - uv, uv)
+    d = mi.warp.square_to_cosine_hemisphere(even_numbers(ray, side, 0, 1))
+    p = corner + uv.x * along + uv.y * up + AWAY * n
+    with scene.ray_counter.purpose("EXITS"):
+        scene.ray_counter.add("path", mi.Bool(True), count * RAYS)
+    ray_of = mi.Ray3f(p, mi.Frame3f(n).to_world(d))
+    si = scene.full.ray_intersect(ray_of, mi.RayFlags.Minimal, coherent=False)
+    facing = dr.select(dr.dot(si.n, si.to_world(si.wi)) > 0, si.n, -si.n)
+    key, met = grid.key(si.p, facing), si.is_valid()
+    dr.eval(key, met)
+    return key, met
