@@ -13,7 +13,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.runtime.flat_arrays import flat, marked
+from drcmitsuba.runtime.flat_arrays import flat, marked, row_and_column
 from drcmitsuba.runtime.launch_size import SHADOW_RAYS
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.exits import exits_on_sides
@@ -23,8 +23,9 @@ from drcmitsuba.transport.cells.cells import CellGrid
 from drcmitsuba.transport.gather.blocks import Gathered
 from drcmitsuba.transport.rays.openings import has_shapeless_rooms
 
-RAYS = 256
-"""Number of rays from each side of a pane or hole."""
+RAYS, FEWEST, TOGETHER = 256, 32, 1 << 22
+"""Number of rays from each side of a pane or hole: fewer where all sides would have more together,
+as those of glass that is a mesh of many triangles."""
 AWAY = 1e-3
 """Distance of the rays' origins from it [m]."""
 
@@ -36,9 +37,11 @@ class Passages:
     sides: np.ndarray
     """Quads [m], fronts towards the side, shape (side, 4, 3)."""
     keys: mi.UInt32
-    """Key of the cell that each of `RAYS` rays from a side meets first, flat (side, ray)."""
+    """Key of the cell that each ray from a side meets first, flat (side, ray)."""
     met: mi.Bool
     """Whether the ray meets any."""
+    rays: int
+    """Number of rays from a side."""
 
     @classmethod
     def of(cls, scene: Scene, cell_size: float) -> Passages | None:
@@ -49,12 +52,13 @@ class Passages:
         assert scene.enclosure.passages is not None
         quads, grid = scene.enclosure.passages, CellGrid.of(scene, cell_size)
         sides = np.concatenate([quads, reversed_quads(quads)])
-        block = max(1, SHADOW_RAYS // RAYS)
-        parts = [_met(scene, grid, sides[i : i + block]) for i in range(0, len(sides), block)]
+        rays = int(np.clip(TOGETHER // max(1, len(sides)), FEWEST, RAYS))
+        block = max(1, SHADOW_RAYS // rays)
+        parts = [_met(scene, grid, sides[i : i + block], rays) for i in range(0, len(sides), block)]
         if not parts:
-            return cls(sides, mi.UInt32(), mi.Bool())
+            return cls(sides, mi.UInt32(), mi.Bool(), rays)
         keys, met = (dr.concat(part) for part in zip(*parts, strict=True))
-        return cls(sides, keys, met)
+        return cls(sides, keys, met, rays)
 
     def told(self, scene: Scene, gathered: Gathered) -> Scene:
         """Scene that knows the exits of the rooms in which the sensors of some paths lie."""
@@ -63,45 +67,37 @@ class Passages:
             return scene
         rooms, seen = int(within.max(initial=0)) + 1, set[int]()
         cell = dr.gather(mi.UInt32, cells.index, self.keys, self.met)
-        met = self.met & (cell < dr.opaque(mi.UInt32, cells.count))  # others are not known
-        side = dr.arange(mi.UInt32, dr.width(cell)) // RAYS
-        for replicate in range(drawn.replicates):
+        known = dr.compress(self.met & (cell < dr.opaque(mi.UInt32, cells.count)))
+        side, cell = row_and_column(known, self.rays)[0], dr.gather(mi.UInt32, cell, known)
+        dr.eval(side, cell)
+        for replicate in range(drawn.replicates if dr.width(known) else 0):
             entry = cell + dr.opaque(mi.UInt32, replicate * cells.count)
-            room = dr.gather(mi.UInt32, drawn.within, entry, met)
+            room = dr.gather(mi.UInt32, drawn.within, entry)
             at = side * dr.opaque(mi.UInt32, rooms) + room
-            seen |= {*marked(len(self.sides) * rooms, at, met & (room > 0)).numpy().tolist()}
+            seen |= {*marked(len(self.sides) * rooms, at, room > 0).numpy().tolist()}
         sees = np.zeros((len(self.sides), rooms), bool)
         sees.ravel()[sorted(seen)] = True
         exits = tuple(exits_on_sides(self.sides[sees[:, room]]) for room in range(1, rooms))
         return replace(scene, enclosure=replace(scene.enclosure, exits_by_room=exits))
 
 
-def _met(scene: Scene, grid: CellGrid, sides: np.ndarray) -> tuple[mi.UInt32, mi.Bool]:
+def _met(scene: Scene, grid: CellGrid, sides: np.ndarray, rays: int) -> tuple[mi.UInt32, mi.Bool]:
     """Key of the cell that every ray from some sides meets, and whether it meets any."""
-    count = len(sides)
-    ray, side = (
-        dr.arange(mi.UInt32, count * RAYS) % RAYS,
-        dr.arange(mi.UInt32, count * RAYS) // RAYS,
-    )
+    lane, count = dr.arange(mi.UInt32, len(sides) * rays), len(sides) * rays
+    side, ray = row_and_column(lane, rays)
+    edges = sides[:, 1] - sides[:, 0], sides[:, 3] - sides[:, 0]
     corner, along, up, n = (
-        dr.gather(mi.Vector3f, flat(rows), side)
-        for rows in (
-            sides[:, 0],
-            sides[:, 1] - sides[:, 0],
-            sides[:, 3] - sides[:, 0],
-            normals(sides),
-        )
+        dr.gather(mi.Vector3f, flat(rows), side) for rows in (sides[:, 0], *edges, normals(sides))
     )
     uv = even_numbers(ray, side, 0, 0)
     fold = dr.gather(mi.Float, flat(is_triangle(sides)), side) * (uv.x + uv.y) > 1
     uv = dr.select(fold, 1 - uv, uv)
-    d = mi.warp.square_to_cosine_hemisphere(even_numbers(ray, side, 0, 1))
-    p = corner + uv.x * along + uv.y * up + AWAY * n
+    local = mi.warp.square_to_cosine_hemisphere(even_numbers(ray, side, 0, 1))
+    d, p = mi.Frame3f(n).to_world(local), corner + uv.x * along + uv.y * up + AWAY * n
     with scene.ray_counter.purpose("EXITS"):
-        scene.ray_counter.add("path", mi.Bool(True), count * RAYS)
-    ray_of = mi.Ray3f(p, mi.Frame3f(n).to_world(d))
-    si = scene.full.ray_intersect(ray_of, mi.RayFlags.Minimal, coherent=False)
-    facing = dr.select(dr.dot(si.n, si.to_world(si.wi)) > 0, si.n, -si.n)
-    key, met = grid.key(si.p, facing), si.is_valid()
+        scene.ray_counter.add("path", mi.Bool(True), count)
+    si = scene.full.ray_intersect(mi.Ray3f(p, d), mi.RayFlags.Minimal, coherent=False)
+    key = grid.key(si.p, dr.select(dr.dot(si.n, d) < 0, si.n, -si.n))  # as in `gather`
+    met = si.is_valid()
     dr.eval(key, met)
     return key, met

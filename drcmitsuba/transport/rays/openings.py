@@ -26,6 +26,7 @@ from drcmitsuba.runtime.launch_size import SHADOW_RAYS
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.geometry import normals
 from drcmitsuba.scene.scene import Scene
+from drcmitsuba.scene.surfaces import Enclosure
 
 SLACK = 1e-3
 """Width by which openings count as larger on all sides, in doubt [m]."""
@@ -40,6 +41,12 @@ Within: TypeAlias = "mi.UInt32 | bool | None"
 """Room within which receivers lie: whether all of them in that of a box; of each one the number of
 its room in a model, from 1 on, and 0 outside; None where nobody knows. Looking it up on the device
 waits for all that is being computed."""
+
+
+Opening: TypeAlias = "int | mi.UInt32"
+"""Index of an opening: one for all points, or one for each."""
+_UNTOLD = 0xFFFFFFFF
+"""Number of openings of a room whose openings tell nothing."""
 
 
 def has_shapeless_rooms(scene: Scene) -> bool:
@@ -243,12 +250,6 @@ class Openings:
         return tuple(dr.gather(mi.Vector3f, table, 5 * opening + k) for k in range(5))
 
 
-Opening: TypeAlias = "int | mi.UInt32"
-"""Index of an opening: one for all points, or one for each."""
-_UNTOLD = 0xFFFFFFFF
-"""Number of openings of a room whose openings tell nothing."""
-
-
 @lru_cache(maxsize=16)  # every launch in a room asks for the same openings
 def _axes(corners: bytes, variant: str) -> list[tuple[mi.Vector3f, ...]]:
     """Values of `Openings.axes` for openings by their corners in double precision, one of each.
@@ -268,10 +269,8 @@ def _table(corners: bytes, variant: str) -> mi.Float:
 def _ends(counts: tuple[int, ...], variant: str) -> tuple[mi.UInt32, mi.UInt32]:
     """First opening of every room and the number of its openings; `_UNTOLD` for −1 of them."""
     number = np.array(counts)
-    fewer = np.maximum(number, 0)
-    return flat_indices(np.cumsum(fewer) - fewer), flat_indices(
-        np.where(number < 0, _UNTOLD, number)
-    )
+    own = np.maximum(number, 0)
+    return flat_indices(np.cumsum(own) - own), flat_indices(np.where(number < 0, _UNTOLD, number))
 
 
 def _numbers(corners: bytes) -> np.ndarray:
@@ -292,12 +291,27 @@ def hidden_in_disks(
     `points` are positions [m], three numbers each, `within` as for `Openings.of`.
     """
     room, radius = scene.enclosure, np.radians(diameter) / 2
-    if room is not None and room.narrowest < 2 * np.tan(radius) * np.linalg.norm(room.size):
-        by_room = room.is_box or room.exits_by_room is not None
-        openings = Openings.of(scene, points, within) if by_room else Openings(room.openings)
-        if openings is not None:
-            entry = dr.arange(mi.UInt32, dr.width(points) // 3 * len(suns))
-            row, sun = row_and_column(entry, len(suns))
-            p, d = dr.gather(mi.Point3f, points, row), dr.gather(mi.Vector3f, flat(suns), sun)
-            return openings.passed(row, p, d, dr.opaque(mi.Float, radius))
-    return mi.Bool(False)
+    if room is None or room.narrowest >= 2 * np.tan(radius) * _sight(room, points, within):
+        return mi.Bool(False)
+    by_room = room.exits_by_room is not None
+    is_told = room.is_box or by_room
+    openings = Openings.of(scene, points, within) if is_told else Openings(room.openings)
+    if openings is None:
+        return mi.Bool(False)
+    entry = dr.arange(mi.UInt32, dr.width(points) // 3 * len(suns))
+    row, sun = row_and_column(entry, len(suns))
+    p, d = dr.gather(mi.Point3f, points, row), dr.gather(mi.Vector3f, flat(suns), sun)
+    passed = openings.passed(row, p, d, dr.opaque(mi.Float, radius))
+    return passed & ~openings.are_elsewhere(row) if by_room else passed
+
+
+def _sight(room: Enclosure, points: mi.Float, within: Within) -> float:
+    """Largest distance across a room in which points lie [m], or across all rooms."""
+    if room.exits_by_room is None or within is None or isinstance(within, bool):
+        return float(np.linalg.norm(room.size))
+    p, number = points.numpy().reshape(-1, 3), within.numpy()
+    each = (
+        np.concatenate([p[number == i], own.reshape(-1, 3)])
+        for i, own in enumerate(room.exits_by_room, 1)
+    )
+    return max((float(np.linalg.norm(np.ptp(box, axis=0))) for box in each if len(box)), default=0)
