@@ -277,7 +277,7 @@ def _of_group(
     if content is not None:
         its = content.of_sensors(base, gathered, transfer, points, normals)
     if passages is not None:
-        scene = passages.told(base.scene, gathered)
+        scene = passages.told(base.scene, gathered, points)
         deposits = tuple(replace(each, scene=scene) for each in deposits)
     with ExitStack() as files:
         every = Replicates(numbers, deposits, landed, transfer, len(points))

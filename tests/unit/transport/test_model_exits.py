@@ -145,7 +145,19 @@ def by_house(points):
     return np.where(points[:, 2] > 3, 2, points[:, 0] > 4)
 
 
+def black_house():
+    """House in which the roof alone reflects light: lower rooms have no cells."""
+    case = house(**TABLES)
+    dark = [
+        replace(one, material=Lambertian(0.0)) if one.name in ("floor", "walls") else one
+        for one in case.building.layers
+    ]
+    case._building = replace(case.building, layers=tuple(dark))
+    return case
+
+
 SEVERAL = {
+    "black rooms below one with a white roof": (black_house, by_house),
     "glass between": (two_rooms, by_side),
     "opal glass between": (lambda: two_rooms(partition=OPAL), by_side),
     "a hole between": (lambda: two_rooms(partition=None), by_side),
@@ -178,7 +190,7 @@ def test_exits_of_a_room_are_on_its_side():
     world, (points, normals) = load(case), sensor_points(case)
     rooms = by_side(points) + 1
     paths = RoomPaths.of(world, points, normals, case.accuracy, rooms).gathered
-    told = Passages.of(world, case.accuracy.cell_size).told(world, paths)
+    told = Passages.of(world, case.accuracy.cell_size).told(world, paths, points)
     south, north = (
         {(round(float(q[0, 1])), round(float(n[1]))) for q, n in zip(own, facing(own), strict=True)}
         for own in told.enclosure.exits_by_room
@@ -195,8 +207,9 @@ def test_exits_of_another_room_lose_light(monkeypatch):
     points, normals = sensor_points(case)
     for step in (1, -1):
 
-        def with_exits(passages, scene, gathered, step=step):
-            room = told(passages, scene, gathered).enclosure
+        def with_exits(passages, *about, step=step):
+            scene = told(passages, *about)
+            room = scene.enclosure
             return replace(scene, enclosure=replace(room, exits_by_room=room.exits_by_room[::step]))
 
         monkeypatch.setattr(Passages, "told", with_exits)
