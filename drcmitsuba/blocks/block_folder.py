@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import shutil
@@ -53,10 +54,28 @@ class BlockSeries:
     """Blocks that were stored before the run; None where nobody is told of them."""
     first: int = 0
     """Number of the sensor that the sensors of its blocks count from."""
+    alike: str = ""
+    """Name of all that its blocks depend on, which blocks of other keys may share; "" where
+    nothing tells."""
 
     def beyond(self, first: int) -> BlockSeries:
         """Series of all blocks of some sensors, which count from a further one."""
         return replace(self, first=self.first + first, part=EVERY_BLOCK)
+
+    def of_content(self, *content: Any) -> BlockSeries:
+        """Series whose blocks depend on some content alone, whatever else its key holds."""
+        return replace(self, alike=Provenance.of(FORMAT, *content).key)
+
+    def adopt(self, here: slice) -> None:
+        """Take the block of some sensors from another key, where one has the same content."""
+        path = self._path(here)
+        if not self.alike or path is None or self.folder is None or path.is_file():
+            return
+        for other in self.folder.parent.glob(f"*/{'[0-9]' * 8}-{'[0-9]' * 8}-{self.alike}.zip"):
+            self.folder.mkdir(exist_ok=True)
+            with contextlib.suppress(FileNotFoundError), storage.whole(path) as temporary:
+                shutil.copyfile(other, temporary)
+            return
 
     def tell_stored(self, every: Sequence[slice]) -> None:
         """Tell the user once how many of these blocks were stored before the run began."""
@@ -96,7 +115,7 @@ class BlockSeries:
             return []
         stored, at = {}, 0
         for path in self.folder.glob("*.zip"):
-            first, _, stop = path.stem.partition("-")
+            first, stop = (*path.stem.split("-"), "")[:2]
             if first.isdecimal() and stop.isdecimal():
                 stored[int(first)] = int(stop)
         out = []
@@ -119,7 +138,10 @@ class BlockSeries:
         if self.folder is None:
             return None
         start, stop = self.first + here.start, self.first + here.stop
-        return self.folder / f"{start:08d}-{stop:08d}.zip"
+        name = f"{start:08d}-{stop:08d}"
+        if self.alike:
+            return self.folder / f"{name}-{self.alike}.zip"
+        return next(self.folder.glob(f"{name}-*.zip"), self.folder / f"{name}.zip")
 
 
 NOTHING_KEPT = BlockSeries()

@@ -18,9 +18,9 @@ def flat(a: ArrayLike | mi.Float) -> mi.Float:
     return a if isinstance(a, mi.Float) else mi.Float(_aligned(a, np.float32))
 
 
-def flat_indices(a: ArrayLike) -> mi.UInt32:
-    """Whole numbers from 0."""
-    return mi.UInt32(_aligned(a, np.uint32))
+def flat_indices(a: ArrayLike | mi.UInt32) -> mi.UInt32:
+    """Whole numbers from 0; those on the device stay as they are."""
+    return a if isinstance(a, mi.UInt32) else mi.UInt32(_aligned(a, np.uint32))
 
 
 def shared(a: np.ndarray) -> mi.Float:

@@ -1,7 +1,8 @@
 """Exits of a model: rectangles that straight light passes on its way out of closed rooms.
 
 Whatever lets straight light through counts: glass, views straight through films, holes; between two
-rooms as well, since straight light may pass several panes.
+rooms as well, since straight light may pass several panes. What light passes last on its way to a
+point is an exit of the room in which the point lies.
 """
 
 from __future__ import annotations
@@ -34,16 +35,25 @@ def exits_of(quads: np.ndarray) -> np.ndarray | None:
     """
     n = normals(quads)
     largest = np.take_along_axis(n, np.abs(n).argmax(axis=1)[:, None], axis=1)
-    n = n * np.sign(largest)
+    rectangles = _by_plane(quads, n * np.sign(largest))
+    if len(rectangles) > MOST:
+        return None
+    return np.concatenate([rectangles, reversed_quads(rectangles)])
+
+
+def exits_on_sides(quads: np.ndarray) -> np.ndarray:
+    """Rectangles (exit, 4, 3) around quads (quad, 4, 3) [m] of each plane that face one way."""
+    return _by_plane(quads, normals(quads))
+
+
+def _by_plane(quads: np.ndarray, n: np.ndarray) -> np.ndarray:
+    """Rectangles around the quads of each plane, whose fronts have the direction of `n`."""
     offset = np.einsum("qi,qi->q", n, quads[:, 0])
     key = np.column_stack([n / SAME_NORMAL, offset / SAME_PLANE]).round()
     planes, plane = np.unique(key, axis=0, return_inverse=True)
-    if len(planes) > MOST:
-        return None
     members = (np.flatnonzero(plane.ravel() == i) for i in range(len(planes)))
     fronts = [_grown(rectangle_around(quads[m].reshape(-1, 3), n[m[0]])) for m in members]
-    rectangles = np.reshape(fronts, (-1, 4, 3))
-    return np.concatenate([rectangles, reversed_quads(rectangles)])
+    return np.reshape(fronts, (-1, 4, 3))
 
 
 def _grown(rectangle: np.ndarray) -> np.ndarray:

@@ -67,6 +67,12 @@ class Enclosure:
     exits: np.ndarray | None = None
     """Rectangles that straight light passes on its way out of the rooms of a model, world frame
     [m], shape (exit, 4, 3); None for boxes, and where there are too many of them."""
+    passages: np.ndarray | None = None
+    """Quads that straight light passes on its way into or out of the rooms of a model, world frame
+    [m], shape (quad, 4, 3); None for boxes."""
+    exits_by_room: tuple[np.ndarray, ...] | None = None
+    """Exits of every room, by its number from 1 on, fronts inward; None where no rooms are told
+    apart, which then have all exits."""
 
     @property
     def is_along_axes(self) -> bool:
@@ -221,9 +227,11 @@ def _enclosure_of_model(front: PanesInState, surfaces: list[Surface]) -> Enclosu
         for surface in surfaces
         if lets_through(surface.material) and not isinstance(surface.material, PorousMaterial)
     ]
-    exits = exits_of(np.concatenate([np.zeros((0, 4, 3)), *through]))
-    spares = front.effects.enclosed and exits is not None
-    return Enclosure(size, turn, openings, narrowest, spares, is_box=False, exits=exits)
+    passages = np.concatenate([np.zeros((0, 4, 3)), *through])
+    return Enclosure(
+        size, turn, openings, narrowest, front.effects.enclosed, is_box=False,
+        exits=exits_of(passages), passages=passages,
+    )  # fmt: skip
 
 
 def _enclosure(front: PanesInState, components: tuple[PlacedComponent, ...]) -> Enclosure | None:

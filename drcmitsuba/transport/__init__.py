@@ -27,6 +27,10 @@ deposit, pane_light
     D: all of it but photons; light of scattering panes in several replicates.
 replicate, coefficient_arrays, shared_paths, coefficients
     C with the standard error of every entry; what the states of a façade share of it.
+block_content
+    What the coefficients of some rooms depend on, however others have changed.
+own_exits
+    Panes and holes that light passes last on its way to each room of a building.
 sun_interpolation
     C of suns between the suns of a mesh.
 

@@ -27,6 +27,7 @@ from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport.block_content import BlockContent
 from drcmitsuba.transport.coefficient_arrays import (
     PARTS,
     Bins,
@@ -39,6 +40,7 @@ from drcmitsuba.transport.coefficient_arrays import (
 from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.films.films import Films
 from drcmitsuba.transport.gather.blocks import Gathered
+from drcmitsuba.transport.own_exits import Passages
 from drcmitsuba.transport.panes.patches import PanePatches
 from drcmitsuba.transport.photons.light import FluxLedger, Landed
 from drcmitsuba.transport.photons.tracer import PhotonTracer
@@ -208,6 +210,10 @@ def estimate_blocks(
         dr.flush_malloc_cache()
     attributes = _photon_attributes(landed) if landed else {}
     groups = groups_of(rooms, len(points))
+    content = None
+    if len(groups) > 1 and kept.folder is not None:
+        content = BlockContent.of(base, bins.labels, sun_samples)
+    passages = None if rooms is None else Passages.of(base.scene, accuracy.cell_size)
     for number, some in enumerate(groups):
         if some.stop <= done or (len(groups) > 1 and not kept.part.holds(number)):
             continue
@@ -215,7 +221,8 @@ def estimate_blocks(
         own = accuracy.model_copy(update={"seed": seed % SEEDS})
         blocks = _of_group(
             tuple(replace(each, accuracy=own) for each in deposits), tuple(landed), bins,
-            points[some], normals[some], sun_samples=sun_samples, attributes=attributes,
+            points[some], normals[some], rooms=None if rooms is None else rooms[some],
+            passages=passages, content=content, sun_samples=sun_samples, attributes=attributes,
             kept=kept if len(groups) == 1 else kept.beyond(some.start), done=done - some.start,
             shared=shared,
             progress=part(progress, some.start / len(points), some.stop / len(points)),
@@ -257,13 +264,21 @@ def groups_of(rooms: np.ndarray | None, sensors: int) -> list[slice]:
 
 def _of_group(
     deposits: tuple[Deposit, ...], landed: tuple[Landed, ...], bins: Bins, points: np.ndarray,
-    normals: np.ndarray, *, sun_samples: int, attributes: dict[str, Any], kept: BlockSeries,
+    normals: np.ndarray, *, rooms: np.ndarray | None, passages: Passages | None,
+    content: BlockContent | None, sun_samples: int, attributes: dict[str, Any], kept: BlockSeries,
     done: int, shared: SharedPaths | None, progress: Progress,
 ) -> Iterator[tuple[slice, xr.Dataset]]:  # fmt: skip
     """Yield coefficients of sensors that share the light on cells, block by block."""
     base, numbers = deposits[0], range(len(deposits))
     interior = SharedPaths().interior if shared is None else shared.interior
-    gathered, transfer = interior.of(base.scene, points, normals, base.accuracy)
+    told = None if rooms is None else np.unique(rooms, return_inverse=True)[1] + 1
+    gathered, transfer = interior.of(base.scene, points, normals, base.accuracy, told)
+    its = ""
+    if content is not None:
+        its = content.of_sensors(base, gathered, transfer, points, normals)
+    if passages is not None:
+        scene = passages.told(base.scene, gathered, points)
+        deposits = tuple(replace(each, scene=scene) for each in deposits)
     with ExitStack() as files:
         every = Replicates(numbers, deposits, landed, transfer, len(points))
 
@@ -281,14 +296,18 @@ def _of_group(
         for block, here in enumerate(gathered.blocks):
             if here.start < done or not kept.part.holds(block):
                 continue
-            C = kept.get(here)
+            C, own = kept.get(here), kept
+            if C is None and its:
+                own = kept.of_content(its, here.start, here.stop)
+                own.adopt(here)
+                C = own.get(here)
             if C is None:
                 of_block = part(progress, *(np.array([block, block + 1]) / len(gathered.blocks)))
                 C = _of_block(
                     every, batches, gathered, points, normals, here, bins, sun_samples, of_block
                 )
                 C.attrs |= attributes
-                kept.put(here, C)
+                own.put(here, C)
             yield here, C
 
 

@@ -22,6 +22,9 @@ KEPT = 0.93
 """Part of the bytes of numbers other than 0 that zarr's compression keeps; zeros cost nothing."""
 LABEL, TEXTS, PICTURES = 45, 15_000, 4 * 48_000 + 118_000
 """Bytes of the labels of a time stamp; of metrics.json and plan.json; of four plans and months."""
+BESIDE = 1400 << 20
+"""Bytes that kernels and draws take beside large whole arrays, at most: 50 rooms of 25 sensors take
+1.8 GiB, 200 rooms 3.3 (`python -m tests.bench.slab`)."""
 VERTEX = 40
 """Bytes of one vertex of a path: row, key, tag, weight, position, normal."""
 BASE, PHOTONS = 290 << 20, 135 << 20
@@ -115,4 +118,5 @@ def whole_arrays(plan: Plan) -> float:
     C = FLOAT * channels * sensors * bins * (PARTS + case.accuracy.replicates)
     years = case.accuracy.replicates * pairs * is_summed(plan)
     held = {"coefficients": C, "illuminance": VARIABLES * pairs, "years": years}
-    return BASE + sum(HELD[name] * size for name, size in held.items())
+    arrays = sum(HELD[name] * size for name, size in held.items())
+    return BASE + arrays + min(BESIDE, arrays)

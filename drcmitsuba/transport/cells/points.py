@@ -30,8 +30,9 @@ class CellPoints:
     p: mi.Float
     n: mi.Float
     """Positions and normals, three numbers an entry."""
-    within: mi.Bool | None = None
-    """Whether the points lie in the rooms of a model; None where nothing tells."""
+    within: mi.UInt32 | None = None
+    """Number of the room of a model in which each point lies, 0 outside; None where nothing
+    tells."""
 
     @classmethod
     def none(cls, replicates: int) -> CellPoints:
@@ -101,7 +102,7 @@ class CellPoints:
         else:
             rank = dr.zeros(mi.UInt32, self.replicates * count)
             p, n = (dr.zeros(mi.Float, 3 * self.replicates * count) for _ in range(2))
-            within = dr.zeros(mi.Bool, self.replicates * count) if told else None
+            within = dr.zeros(mi.UInt32, self.replicates * count) if told else None
             out = CellPoints(self.replicates, count, rank, p, n, within)
         dr.make_opaque(out)  # Dr.Jit 1.5 ignores a pending scatter when it reduces
         return out
@@ -110,7 +111,7 @@ class CellPoints:
         """Copy of some entries."""
         rank = dr.gather(mi.UInt32, self.rank, entry, there)
         p, n = (dr.gather(mi.Point3f, values, entry, there) for values in (self.p, self.n))
-        within = None if self.within is None else dr.gather(mi.Bool, self.within, entry, there)
+        within = None if self.within is None else dr.gather(mi.UInt32, self.within, entry, there)
         dr.eval(rank, p, n, within)
         return CellPoints(replicates, cells, rank, dr.ravel(p), dr.ravel(n), within)
 
@@ -217,7 +218,7 @@ def _lend(every: CellPoints, number: mi.UInt32, stride: mi.UInt32) -> None:
         empty &= ~has
         step += 1
     p, n = (dr.gather(mi.Point3f, values, other) for values in (every.p, every.n))
-    within = dr.gather(mi.Bool, every.within, other) if told else mi.Bool(False)
+    within = dr.gather(mi.UInt32, every.within, other) if told else mi.UInt32(0)
     dr.eval(p, n, within)  # read before any is written
     dr.scatter(every.p, p, entry)
     dr.scatter(every.n, n, entry)

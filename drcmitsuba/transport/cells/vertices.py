@@ -26,8 +26,9 @@ class Vertices:
     """Position [m] and facing normal, three numbers a vertex."""
     mark: mi.UInt32 | None = None
     """Mark of the path, see `gather.paths.Marks`."""
-    within: mi.Bool | None = None
-    """Whether the path began in a room of a model and has passed no pane."""
+    within: mi.UInt32 | None = None
+    """Number of the room of a model in which the path began; 0 outside, and once it has passed a
+    pane."""
 
     def __len__(self) -> int:
         """Count the vertices."""
@@ -38,7 +39,7 @@ class VertexStore:
     """Vertices of a launch, in the order in which its lanes meet them; up to `capacity` are kept.
 
     With `once`, the vertex of every lane has the place of its lane. Only `marked` vertices carry
-    the mark of their path; `told` ones, whether they lie in a room.
+    the mark of their path; `told` ones, the room in which they lie.
     """
 
     def __init__(self, capacity: int, marked: bool, told: bool, once: bool):
@@ -48,7 +49,7 @@ class VertexStore:
         whole = ("row", "key", "tag", "mark") if marked else ("row", "key", "tag")
         self._columns = {name: dr.zeros(mi.UInt32, capacity) for name in whole}
         if told:
-            self._columns["within"] = dr.zeros(mi.Bool, capacity)
+            self._columns["within"] = dr.zeros(mi.UInt32, capacity)
         self._columns["weight"] = dr.zeros(mi.Float, capacity)
         # Where a vertex of weight 0 would lie does not matter.
         self._columns |= {name: dr.empty(mi.Float, 3 * capacity) for name in ("p", "n")}

@@ -69,7 +69,8 @@ class Gathered:
     kept: dict[int, Met]
     """Vertices of some blocks, by their first sensor."""
     within: np.ndarray | None = None
-    """Whether each sensor lies in a room of a model, shape (sensor,); None for other scenes."""
+    """Number of the room of a model in which each sensor lies, from 1 on, and 0 outside, shape
+    (sensor,); None for other scenes."""
     seen: mi.Float64 | None = None
     """Weight of every cell in sum over the sensors, of paths that end at once."""
 
@@ -77,11 +78,12 @@ class Gathered:
     def of(
         cls, scene: Scene, points: np.ndarray, normals: np.ndarray, accuracy: Accuracy, *,
         block: int, lanes: int, marks: Marks | None = None, once: bool = False,
-        crossings: Crossings | None = None,
+        crossings: Crossings | None = None, rooms: np.ndarray | None = None,
     ) -> Gathered:  # fmt: skip
         """Trace all paths, at most `block` sensors and about `lanes` paths in one launch.
 
-        With `once`, paths end at their first diffuse vertex.
+        With `once`, paths end at their first diffuse vertex. `rooms` are the sensors' numbers of
+        rooms from 1 on; by default all have the same one.
         """
         grid = CellGrid.of(scene, accuracy.cell_size)
         seed = launch_seed(accuracy.seed, Stream.PATH_LENGTHS)
@@ -89,6 +91,8 @@ class Gathered:
         if not once:
             bounces = expected_bounces(scene, points, normals, accuracy.paths, grid, seed)
         within = in_rooms(scene, points)
+        if within is not None:
+            within = np.where(within, 1 if rooms is None else rooms, 0)
 
         def trace(here: slice) -> Vertices:
             return gather(

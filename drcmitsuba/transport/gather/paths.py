@@ -21,7 +21,7 @@ from drcmitsuba_plugins.sampling import streams
 from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.model.materials import Lambertian
-from drcmitsuba.runtime.flat_arrays import flat, row_and_column
+from drcmitsuba.runtime.flat_arrays import flat, flat_indices, row_and_column
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.materials import ends_paths, max_reflectance
 from drcmitsuba.scene.scene import Scene
@@ -96,7 +96,7 @@ def gather(
     scene: Scene, points: np.ndarray | mi.Float, normals: np.ndarray | mi.Float, *,
     replicates: int, paths: int, grid: CellGrid, seed: int, marks: Marks | None = None,
     bounces: float = USUAL, first: int = 0, among: int | None = None,
-    within: np.ndarray | mi.Bool | None = None, once: bool = False,
+    within: np.ndarray | mi.UInt32 | None = None, once: bool = False,
     numbers: mi.UInt32 | None = None, crossings: Crossings | None = None,
 ) -> Vertices:  # fmt: skip
     """Trace the paths of all sensors and replicates and keep their diffuse vertices.
@@ -118,8 +118,9 @@ def gather(
     first, among : int, optional
         Index of the first of these sensors, and the number of all sensors: paths are the same in
         one launch and in several.
-    within : bool, shape (sensor,), optional
-        Whether each sensor lies in a room of a model; the vertices then say so, too.
+    within : int, shape (sensor,), optional
+        Number of the room of a model in which each sensor lies, from 1 on, 0 outside; the vertices
+        then say it, too.
     once : bool
         Whether paths end at their first diffuse vertex; every path then has one entry, in order,
         of weight 0 where it met none.
@@ -134,7 +135,7 @@ def gather(
     """
     if scene.effects.depth == 0:
         number, value = mi.UInt32(), mi.Float()
-        return Vertices(number, value, number, number, value, value, number, mi.Bool())
+        return Vertices(number, value, number, number, value, value, number, number)
     p, n = flat(points), flat(normals)
     count = dr.width(p) // 3
     lanes = replicates * count * paths
@@ -197,7 +198,7 @@ def ends_at_once(scene: Scene) -> bool:
 def _trace(
     scene: Scene, points: mi.Float, normals: mi.Float, sensors: int,
     lanes: int, paths: int, grid: CellGrid, seed: int, capacity: int, marks: Marks | None,
-    first: int, among: int, within: np.ndarray | mi.Bool | None, once: bool,
+    first: int, among: int, within: np.ndarray | mi.UInt32 | None, once: bool,
     numbers: mi.UInt32 | None, crossings: Crossings | None,
 ) -> tuple[Vertices, int]:  # fmt: skip
     """Trace all lanes in one symbolic loop: the vertices, and the number that were met."""
@@ -212,7 +213,9 @@ def _trace(
     told = within is not None
     marked = not (marks is None and crossings is None)
     store = VertexStore(capacity, marked, told, once)
-    in_room = dr.gather(mi.Bool, mi.Bool(within), sensor) if told else mi.Bool(False)
+    room = mi.UInt32(0)
+    if told:
+        room = dr.gather(mi.UInt32, flat_indices(within), sensor)
     ctx = mi.BSDFContext() if marks is None else marks.context
     ray = mi.Ray3f(p, wo)
     beta = mi.Float(1)
@@ -270,12 +273,12 @@ def _trace(
         facing = dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n)
         store.add(
             is_cell, row=row, weight=beta * share, key=grid.key(si.p, facing),
-            tag=depth * count + tag, mark=mark, within=in_room, p=si.spawn_ray(facing).o, n=facing,
+            tag=depth * count + tag, mark=mark, within=room, p=si.spawn_ray(facing).o, n=facing,
         )  # fmt: skip
         if dr.hint(once, mode="scalar"):
             active &= ~is_cell
         if dr.hint(told, mode="scalar"):
-            in_room &= bs.wo.z * si.wi.z > 0
+            room = dr.select(bs.wo.z * si.wi.z > 0, room, 0)
         ray = si.spawn_ray(si.to_world(bs.wo))
         depth += 1
         active &= depth < limit

@@ -28,12 +28,16 @@ class RoomPaths(NamedTuple):
 
     @classmethod
     def of(
-        cls, scene: Scene, points: np.ndarray, normals: np.ndarray, accuracy: Accuracy
-    ) -> RoomPaths:
-        """Trace the paths from points (sensor, 3) [m] with their unit normals, and T."""
+        cls, scene: Scene, points: np.ndarray, normals: np.ndarray, accuracy: Accuracy,
+        rooms: np.ndarray | None = None,
+    ) -> RoomPaths:  # fmt: skip
+        """Trace the paths from points (sensor, 3) [m] with their unit normals, and T.
+
+        `rooms` are as for `Gathered.of`.
+        """
         once = scene.effects.solved_cells
         gathered = Gathered.of(
-            scene, points, normals, accuracy, block=SENSORS, lanes=PATHS, once=once
+            scene, points, normals, accuracy, block=SENSORS, lanes=PATHS, once=once, rooms=rooms
         )
         if not (once and gathered.cells.count):
             return cls(gathered, None)
@@ -49,13 +53,14 @@ class SharedInterior:
     _latest: RoomPaths | None = None
 
     def of(
-        self, scene: Scene, points: np.ndarray, normals: np.ndarray, accuracy: Accuracy
-    ) -> RoomPaths:
+        self, scene: Scene, points: np.ndarray, normals: np.ndarray, accuracy: Accuracy,
+        rooms: np.ndarray | None = None,
+    ) -> RoomPaths:  # fmt: skip
         """Interior of a scene, as `RoomPaths.of`; paths that were not stored are traced anew."""
-        seen = scene.from_within, points, normals, accuracy.sampling
+        seen = scene.from_within, points, normals, accuracy.sampling, rooms
         if self._latest is None or content_key(*self._seen) != content_key(*seen):
             self._seen, self._latest = (), None  # two of them would need twice the memory
-            interior = RoomPaths.of(scene, points, normals, accuracy)
+            interior = RoomPaths.of(scene, points, normals, accuracy, rooms)
             if not interior.gathered.is_stored:
                 return interior
             self._seen, self._latest = seen, interior

@@ -206,7 +206,7 @@ class ImageSuns:
         if not self.mirrors.has_bodies:
             return within
         room = self.scene.enclosure
-        return False if room is not None and room.exits is None else None
+        return False if room is not None and room.is_box else None
 
     def _through(
         self, chain: tuple[int, ...], scene: Scene, p: mi.Point3f, d: mi.Vector3f, active: mi.Bool

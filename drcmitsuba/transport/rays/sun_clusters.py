@@ -14,7 +14,7 @@ from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices, row_and_column
 from drcmitsuba.runtime.launch_size import SHADOW_RAYS
-from drcmitsuba.transport.rays.openings import Cone, Openings
+from drcmitsuba.transport.rays.openings import Cone, Opening, Openings
 
 CLUSTER = 32
 """Number of neighbouring suns that are traced or skipped together."""
@@ -99,8 +99,13 @@ class SunClusters(NamedTuple):
         dr.eval(row, group)
         return row, group
 
-    def cones(self, openings: Openings, radius: float) -> list[mi.Float]:
-        """Disks of all members of a `radius` [rad] as each opening sees them, packed."""
+    def cones(self, openings: Openings | None, radius: float) -> list[mi.Float]:
+        """Disks of all members of a `radius` [rad] as each opening sees them, packed.
+
+        There are none where points have openings of their own, which see few of the suns.
+        """
+        if openings is None or openings.counts is not None:
+            return []
         every, spread = dr.arange(mi.UInt32, dr.width(self.members)), dr.opaque(mi.Float, radius)
         centre = dr.gather(mi.Vector4f, self.centres, every).xyz
         return [openings.cone(i, centre, spread).packed() for i in range(len(openings.quads))]
@@ -123,7 +128,7 @@ def possible_pairs(
         return
     clusters, radius = SunClusters.of(suns), float(np.radians(diameter)) / 2
     rows, groups = clusters.candidates(openings, points, normals, radius)
-    cones = [] if openings is None else clusters.cones(openings, radius)
+    cones, wide = clusters.cones(openings, radius), dr.opaque(mi.Float, radius)
     stride, least = dr.opaque(mi.UInt32, len(suns)), dr.opaque(mi.Float, -np.sin(radius))
     block = max(1, SHADOW_RAYS // CLUSTER)
     for start in range(0, dr.width(rows), block):
@@ -132,7 +137,8 @@ def possible_pairs(
         row, group = (dr.gather(mi.UInt32, x, lane) for x in (rows, groups))
         p, n = dr.gather(mi.Point3f, points, row), dr.gather(mi.Normal3f, normals, row)
         elsewhere = mi.Bool(False) if openings is None else openings.are_elsewhere(row)
-        test = _Test(openings, cones, clusters.centres, least, elsewhere, p, n)
+        looks = [] if openings is None else openings.of_points(row)
+        test = _Test(openings, cones, looks, clusters.centres, least, wide, elsewhere, p, n)
         chosen = dr.compress(_holds(test, group * CLUSTER))
         if dr.width(chosen):  # few pairs: lanes of the others would cost as much
             # Gathered from what lies in memory: `row` and `group` would take launches of their own.
@@ -150,10 +156,14 @@ class _Test:
 
     openings: Openings | None
     cones: list[mi.Float]
-    """Disks of all members as each opening sees them."""
+    """Disks of all members as each opening sees them; empty where points have their own."""
+    looks: list[tuple[Opening, mi.Bool]]
+    """Openings that the points look through, each with whether there is one."""
     centres: mi.Float
     least: mi.Float
     """Cosine between a normal and a sun's centre below which the whole disk is behind a point."""
+    radius: mi.Float
+    """Radius of a sun [rad]."""
     elsewhere: mi.Bool
     """Whether the points lie outside the room."""
     p: mi.Point3f
@@ -161,12 +171,17 @@ class _Test:
 
     def __call__(self, member: mi.UInt32) -> mi.Bool:
         """Whether each point may see one member each."""
-        above = dr.dot(self.n, dr.gather(mi.Vector4f, self.centres, member).xyz) > self.least
+        centre = dr.gather(mi.Vector4f, self.centres, member).xyz
+        above = dr.dot(self.n, centre) > self.least
         if self.openings is None:
             return above
         passed = mi.Bool(self.elsewhere)
-        for i, numbers in enumerate(self.cones):
-            passed |= self.openings.passed_by(i, self.p, Cone.unpacked(numbers, member))
+        for i, (opening, there) in enumerate(self.looks):
+            if self.cones:
+                cone = Cone.unpacked(self.cones[i], member)
+            else:
+                cone = self.openings.cone(opening, centre, self.radius)
+            passed |= there & self.openings.passed_by(opening, self.p, cone)
         return above & passed
 
 

@@ -23,7 +23,7 @@ from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.runtime.launch_size import PATHS, SENSORS
 from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.runtime.random_streams import Stream, launch_seed, number_in_replicate
@@ -197,7 +197,7 @@ def _on_sensors(
     """D of the sensors by window (sensor, bin) [sr]."""
     accuracy, within = deposit.accuracy, gathered.within
     p, n, places = flat(points), flat(normals), dr.arange(mi.UInt32, len(points))
-    told, here = None if within is None else mi.Bool(within), range(replicate, replicate + 1)
+    told, here = None if within is None else flat_indices(within), range(replicate, replicate + 1)
     samples = accuracy.sensor_sun_samples if straight_suns else 0
     parts = by_window.parts(
         deposit, lit, p, n, (Stream.SENSORS,), number_in_replicate(places, replicate),

@@ -1,5 +1,6 @@
 """Sensors of rooms that share light on cells: which they are, and that nothing gets lost."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -7,8 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drcmitsuba.blocks.block_folder import BlockSeries
+from drcmitsuba.blocks.block_folder import NOTHING_KEPT, BlockFolder, BlockSeries
 from drcmitsuba.blocks.part import BlockPart
+from drcmitsuba.model.materials import Lambertian
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.scene import load
@@ -16,7 +18,7 @@ from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import coefficients
 from drcmitsuba.transport.coefficients import compute, groups_of
-from tests.model_rooms import house
+from tests.model_rooms import house, layer
 
 
 @pytest.fixture(autouse=True)
@@ -47,10 +49,10 @@ def test_few_sensors_and_unknown_rooms_share_everything():
     assert groups_of(np.arange(5), 5) == [slice(0, 5)]
 
 
-def three_rooms():
+def three_rooms(*more):
     """House of three rooms: its scene, sensors, suns, accuracy, and the room of every sensor."""
     case = house(
-        accuracy={"replicates": 8, "paths": 64, "cell_size": 0.8}, sensors={
+        *more, accuracy={"replicates": 8, "paths": 64, "cell_size": 0.8}, sensors={
             "floors": ["floor"], "spacing": 1.0,
         },
     )  # fmt: skip
@@ -93,3 +95,43 @@ def test_stored_blocks_of_groups_are_read_again(monkeypatch, tmp_path):
     np.testing.assert_array_equal(
         stored["replicates"], compute(*arguments, rooms=rooms)["replicates"]
     )
+
+
+def board(reflectance, width=1.0):
+    """Board on the wall of the upper room."""
+    z, w = 3.5, width
+    return layer(
+        "board", Lambertian(reflectance), [(2, 4.9, z), (2 + w, 4.9, z), (2 + w, 4.9, 4.5)]
+    )
+
+
+@pytest.mark.parametrize("solved", [False, True])
+def test_a_change_in_one_room_leaves_the_blocks_of_others(solved, monkeypatch, tmp_path):
+    """Light of a room that no path leaves depends on its own surfaces and on what shades it."""
+    monkeypatch.setattr(coefficients, "TOGETHER", 20)
+    cache, made, of_block = BlockFolder.cache(tmp_path), [], coefficients._of_block
+
+    def counted(*arguments):
+        made.append(len(arguments[3]))
+        return of_block(*arguments)
+
+    def found(reflectance, width=1.0, add=0.0, stored=True):
+        (world, points, normals, suns, accuracy), rooms = three_rooms(board(reflectance, width))
+        world = replace(world, effects=replace(world.effects, solved_cells=solved))
+        suns = replace(suns, diameter=suns.diameter + add)
+        kept = cache.series("house", world.content, suns) if stored else NOTHING_KEPT
+        made.clear()
+        C = compute(world, points, normals, suns, accuracy, rooms=rooms, kept=kept)
+        return C["replicates"].values, rooms
+
+    monkeypatch.setattr(coefficients, "_of_block", counted)
+    before, rooms = found(0.2)
+    assert len(made) == 3
+    after, _ = found(0.8)
+    assert len(made) == 1  # that of the upper room
+    np.testing.assert_array_equal(after[:, rooms < 2], before[:, rooms < 2])
+    assert after[:, rooms == 2].mean() > 1.001 * before[:, rooms == 2].mean()
+    np.testing.assert_array_equal(found(0.8, stored=False)[0], after)
+    for change in ({"width": 1.5}, {"add": 0.1}):  # it might shade; suns light every room
+        found(0.8, **change)
+        assert len(made) == 3

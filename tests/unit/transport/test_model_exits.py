@@ -1,6 +1,9 @@
 """Shadow rays that miss all exits of a model are spared: no coefficient changes."""
 
+from dataclasses import replace
+
 import drjit as dr
+import mitsuba as mi
 import numpy as np
 import pytest
 
@@ -8,14 +11,18 @@ from drcmitsuba.case.shipped import shipped_folder
 from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, Lambertian
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.exits import MARGIN, MOST, exits_of
+from drcmitsuba.scene.geometry import normals as facing
 from drcmitsuba.scene.scene import load
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import coefficients
 from drcmitsuba.transport.coefficients import compute
+from drcmitsuba.transport.interreflection.interior import RoomPaths
+from drcmitsuba.transport.own_exits import Passages
+from drcmitsuba.transport.rays import openings
 from drcmitsuba.transport.rays.openings import in_rooms
 from drcmitsuba.transport.rays.straight_suns import straight_suns
-from tests.model_rooms import GLASS, case_of, l_room, layer, prism
+from tests.model_rooms import GLASS, case_of, house, l_room, layer, prism
 
 SUNS = np.random.default_rng(3).normal(size=(200, 3))
 SUNS[:, 2] = abs(SUNS[:, 2])
@@ -54,7 +61,7 @@ def two_rooms(pane=GLASS, partition=GLASS):
         layer("middle", Lambertian(0.6), south[2], holes=[between]),
         layer("walls", Lambertian(0.5), south[1], south[3], *north[1:]),
         layer("window", pane, window[::-1]),
-        layer("partition", partition, between),
+        *([] if partition is None else [layer("partition", partition, between)]),
         town(),
         **TABLES,
     )
@@ -128,6 +135,97 @@ def test_sparing_rays_changes_no_coefficient(room):
     assert rays[0] < (0.98 if room in SLOW else 0.7) * rays[1]
 
 
+def by_side(points):
+    """Number of the room of two: 0 south of y = 4 m, 1 north of it."""
+    return (points[:, 1] > 4).astype(int)
+
+
+def by_house(points):
+    """Number of the room of a house."""
+    return np.where(points[:, 2] > 3, 2, points[:, 0] > 4)
+
+
+def black_house():
+    """House in which the roof alone reflects light: lower rooms have no cells."""
+    case = house(**TABLES)
+    dark = [
+        replace(one, material=Lambertian(0.0)) if one.name in ("floor", "walls") else one
+        for one in case.building.layers
+    ]
+    case._building = replace(case.building, layers=tuple(dark))
+    return case
+
+
+SEVERAL = {
+    "black rooms below one with a white roof": (black_house, by_house),
+    "glass between": (two_rooms, by_side),
+    "opal glass between": (lambda: two_rooms(partition=OPAL), by_side),
+    "a hole between": (lambda: two_rooms(partition=None), by_side),
+    "one above two": (lambda: house(**TABLES), by_house),
+    "rooms that are none": (lambda: l_room(**TABLES), lambda p: (p[:, 0] > 2).astype(int)),
+}
+
+
+@pytest.mark.parametrize("name", SEVERAL)
+def test_exits_of_its_own_room_are_all_that_a_point_needs(name):
+    """Light through two panes in turn, and beyond a hole, is there; rays through others are not."""
+    make, room_of = SEVERAL[name]
+    case, C, rays = make(), [], []
+    points, normals = sensor_points(case)
+    for rooms in (None, room_of(points)):
+        world = load(case)
+        found = compute(world, points, normals, YEAR, case.accuracy, rooms=rooms)
+        C.append(found["replicates"].values)
+        rays.append(world.ray_counter.counted()["shadow"])
+    for room in np.unique(room_of(points)):
+        assert C[0][:, room_of(points) == room].max() > 0
+    np.testing.assert_allclose(C[1], C[0], rtol=0, atol=1e-6 * C[0].max())
+    assert rays[1] <= 1.001 * rays[0]  # rectangles of a room lie within those of all
+    if name == "one above two":
+        assert rays[1] < 0.8 * rays[0]
+
+
+def test_exits_of_a_room_are_on_its_side():
+    case = two_rooms()
+    world, (points, normals) = load(case), sensor_points(case)
+    rooms = by_side(points) + 1
+    paths = RoomPaths.of(world, points, normals, case.accuracy, rooms).gathered
+    told = Passages.of(world, case.accuracy.cell_size).told(world, paths, points)
+    south, north = (
+        {(round(float(q[0, 1])), round(float(n[1]))) for q, n in zip(own, facing(own), strict=True)}
+        for own in told.enclosure.exits_by_room
+    )
+    window, partition, behind = (0, 1), (4, -1), (4, 1)  # y of the pane, and where its front faces
+    assert south >= {window, partition}
+    assert behind not in south
+    assert behind in north
+    assert not north & {window, partition}
+
+
+def test_exits_of_another_room_lose_light(monkeypatch):
+    case, C, told = two_rooms(), [], Passages.told
+    points, normals = sensor_points(case)
+    for step in (1, -1):
+
+        def with_exits(passages, *about, step=step):
+            scene = told(passages, *about)
+            room = scene.enclosure
+            return replace(scene, enclosure=replace(room, exits_by_room=room.exits_by_room[::step]))
+
+        monkeypatch.setattr(Passages, "told", with_exits)
+        found = compute(load(case), points, normals, YEAR, case.accuracy, rooms=by_side(points))
+        C.append(found["direct"].values[by_side(points) == 0])
+    assert C[1].sum() < 0.7 * C[0].sum()
+
+
+def test_a_room_with_too_many_exits_traces_all_rays():
+    window = np.array([[0, 0, 1], [1, 0, 1], [1, 0, 2], [0, 0, 2]], float)
+    many = np.array([window + [0, i, 0] for i in range(openings.MOST + 1)])
+    of_two = openings.Openings._of_rooms((many, window[None]), mi.UInt32([0, 1, 2]))
+    assert len(of_two.quads) == 1
+    assert of_two.are_elsewhere(mi.UInt32([0, 1, 2])).numpy().tolist() == [True, True, False]
+
+
 def test_points_under_the_sky_are_not_in_a_room():
     world = load(two_rooms())
     points = np.array([[2, 2, 1], [2, 6, 1], [2, -2, 1], [2, 2, 9], [2, -1e-3, 1.5]])
@@ -145,7 +243,7 @@ def test_panes_in_one_plane_share_a_rectangle_for_each_side():
         np.testing.assert_allclose(high, [7 + MARGIN, 0, 3 + MARGIN], atol=1e-12)
 
 
-def test_a_model_with_glass_in_too_many_planes_traces_all_rays():
+def test_glass_in_too_many_planes_has_no_common_exits():
     window = np.array([[0, 0, 1], [1, 0, 1], [1, 0, 2], [0, 0, 2]], float)
     many = np.array([window + [0, i, 0] for i in range(MOST + 1)])
     assert exits_of(many) is None
