@@ -19,11 +19,13 @@ from drcmitsuba.glare_year.rule import Rule
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import origin, rotation
+from drcmitsuba.scene.meshes import quad_mesh
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import coefficients
+from tests.validation.calibration.image_mirror import image_mirror
 from tests.validation.calibration.rooms import WIDE, Room
 
 CHUNKS = 16
@@ -67,16 +69,17 @@ def by_paths(
     narrow = replace(suns, diameter=0.01)
     C = _of_scene(room.case, narrow, points, normals, spp)
     C[..., BINS:] *= disk_solid_angle(suns.diameter) / disk_solid_angle(narrow.diameter)
-    case, reflectance = room.images
+    case, mirror = room.images
     mirrored = replace(suns, directions=suns.directions * [1, -1, 1])
     there = points + (origin(room.case) - origin(case)) @ rotation(case).T
-    C[..., BINS:] += reflectance * _of_scene(case, mirrored, there, normals, spp)[..., BINS:]
+    C[..., BINS:] += _of_scene(case, mirrored, there, normals, spp, mirror)[..., BINS:]
     return C
 
 
 def _of_scene(
-    case: Case, suns: Suns, points: np.ndarray, normals: np.ndarray, spp: int
+    case: Case, suns: Suns, points: np.ndarray, normals: np.ndarray, spp: int, mirror: str = ""
 ) -> np.ndarray:
+    """Coefficients of a case, in which suns shine by images through a part that is a mirror."""
     sources = {
         "sky": {"type": "tregenza_sky"},
         "suns": {
@@ -89,8 +92,12 @@ def _of_scene(
     integrator = mi.load_dict({"type": "coefficient", "suns_per_vertex": each})
     by_channel = []
     for channel in scene.channels_of(case, EFFECTS):
-        every = scene.load(case, channel=channel).full.shapes()
-        shapes = {f"shape{i}": shape for i, shape in enumerate(every)}
+        world = scene.load(case, channel=channel)
+        shapes = {f"shape{i}": shape for i, shape in enumerate(world.full.shapes())}
+        for i, part in enumerate(world.parts if mirror else ()):
+            if part.name == mirror:
+                bsdf = image_mirror(part.material.reflectance)
+                shapes[f"shape{i}"] = quad_mesh(mirror, part.quads, bsdf)
         lit = mi.load_dict({"type": "scene", **shapes, **sources}, optimize=False)
         by_channel.append(
             [integrator.sensors(lit, points, normals, spp, i).numpy() for i in range(CHUNKS)]
