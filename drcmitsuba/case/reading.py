@@ -90,7 +90,8 @@ def with_files(case: Case) -> Case:
         case = case.with_tables(model=table.model_copy(update={"files": files}))
         building = table.read(case.source, files, case.materials)
         known = with_tables(building.spaces, case.spaces, case.source)
-        spaces, note = with_uses(known, case.uses, case.source)
+        hours = case.period.hours if case.period.timestamps is None else (0, 24)
+        spaces, note = with_uses(known, case.uses, case.source, hours)
         notes = (*building.notes, note) if note else building.notes
         building = replace(building, spaces=spaces, notes=notes)
         # Sums over groups and meshes of suns count no light by way of mirrors.

@@ -120,19 +120,27 @@ def plain_words(text: str) -> str:
 
 
 def with_uses(
-    spaces: Sequence[Space], tables: Mapping[str, UseTable], source: str
-) -> tuple[tuple[Space, ...], str]:
+    spaces: Sequence[Space], tables: Mapping[str, UseTable], source: str,
+    period: tuple[int, int] = (0, 24),
+) -> tuple[tuple[Space, ...], str]:  # fmt: skip
     """Spaces with the targets, hours and power of their uses, and a note on them.
 
     What a space has already stays. Its use, or its name where that tells nothing, is recognised by
-    `recognised`. The note is empty where no space has a target. Errors are those of `known_uses`.
+    `recognised`. The note is empty where no space has a target; it tells hours of use that those of
+    the `period` cut off.
+
+    Raises
+    ------
+    InputError
+        As `known_uses`; or a use of the case alone can be told of no space.
     """
     uses, out = known_uses(tables, source), []
-    taken, unknown = Counter[str](), []
+    taken, unknown, met = Counter[str](), [], set[str]()
     for space in spaces:
         name = recognised(space.use, uses) or recognised(space.name, uses)
         if name:
             use = uses[name]
+            met.add(name)
             taken[name] += space.target is None
             space = replace(
                 space,
@@ -143,19 +151,33 @@ def with_uses(
         elif space.target is None:
             unknown.append(space.name)
         out.append(space)
-    return tuple(out), _note(taken, unknown, uses)
+    for name in tables:
+        if name not in shipped_uses() and not uses[name].words and name not in met:
+            got = "no space has this use, and it has no words"
+            remedy = choose(
+                name, list(shipped_uses()), 'give words = ["..."], or name it in [spaces]'
+            )
+            raise InputError(source, f"uses.{name}", got, remedy)
+    return tuple(out), _note(taken, unknown, uses, period)
 
 
-def _note(taken: Counter[str], unknown: Sequence[str], uses: Mapping[str, UseTable]) -> str:
+def _note(
+    taken: Counter[str], unknown: Sequence[str], uses: Mapping[str, UseTable],
+    period: tuple[int, int],
+) -> str:  # fmt: skip
     """Sentence on the uses that were recognised in so many spaces, and on spaces of none."""
-    parts = []
+    parts, is_cut = [], False
     for name in dict.fromkeys(taken.elements()):
         use, count = uses[name], taken[name]
+        if use.hours is not None:
+            is_cut |= use.hours[0] < period[0] or use.hours[1] > period[1]
         hours = "" if use.hours is None else f", {use.hours[0]} to {use.hours[1]} h"
         parts.append(f"{name} {use.target:g} lx{hours} ({count} space{'s' * (count > 1)})")
     if not parts:
         return ""
     note = f"spaces: targets and hours by use are {'; '.join(parts)}"
+    if is_cut:
+        note += f"; of these hours the period's, {period[0]} to {period[1]} h, count alone"
     if unknown:
         names = ", ".join(map(shortened, unknown[:MOST_NAMES]))
         more = f" and {len(unknown) - MOST_NAMES} more" if unknown[MOST_NAMES:] else ""

@@ -34,7 +34,7 @@ class RoomFace(NamedTuple):
     room: str
 
 
-class Sheet(NamedTuple):
+class FaceSheet(NamedTuple):
     """Part of a face, with what lies behind it."""
 
     rings: Rings
@@ -43,7 +43,7 @@ class Sheet(NamedTuple):
     """Index of the face of another room on its back; None without any."""
 
 
-def sheets_of(faces: Sequence[RoomFace], tolerance: float) -> list[list[Sheet]]:
+def sheets_of(faces: Sequence[RoomFace], tolerance: float) -> list[list[FaceSheet]]:
     """Sheets of every face.
 
     Parameters
@@ -55,11 +55,11 @@ def sheets_of(faces: Sequence[RoomFace], tolerance: float) -> list[list[Sheet]]:
 
     Returns
     -------
-    list of list of Sheet, by face
+    list of list of FaceSheet, by face
         What two faces share is a sheet of the first of them alone. Faces that share nothing stay
         as they are.
     """
-    shared: list[list[Sheet]] = [[] for _ in faces]
+    shared: list[list[FaceSheet]] = [[] for _ in faces]
     rest = [[face.rings] for face in faces]
     for plane, one, other in _pairs(faces, tolerance):
         mine, theirs = (_shape(plane, rest[i]) for i in (one, other))
@@ -67,12 +67,12 @@ def sheets_of(faces: Sequence[RoomFace], tolerance: float) -> list[list[Sheet]]:
         if both.area <= tolerance * both.length:
             continue
         common = plane.rings(both, tolerance**2)
-        shared[one] += [Sheet(tuple(ring[::-1] for ring in own), other) for own in common]
+        shared[one] += [FaceSheet(tuple(ring[::-1] for ring in own), other) for own in common]
         rest[one] = _wide(plane, mine - both, tolerance)
         outward = _wide(plane, theirs - both, tolerance)
         rest[other] = [tuple(ring[::-1] for ring in own) for own in outward]
     return [
-        [*sheets, *(Sheet(rings) for rings in own)]
+        [*sheets, *(FaceSheet(rings) for rings in own)]
         for sheets, own in zip(shared, rest, strict=True)
     ]
 

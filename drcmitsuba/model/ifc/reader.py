@@ -86,7 +86,7 @@ def _read(file: Path) -> Model:
     layers = tuple(_layers(solids, notes))
     if not layers:
         got = "no element with a shape"
-        raise InputError(file, "IFC", got, "export the building with its geometry")
+        raise InputError(file, "IFC", got, "check that it is whole, or export its geometry")
     if not spaces:
         notes.add(NO_SPACES)
     note_reflectances((name for layer in layers for name in layer.names), notes)

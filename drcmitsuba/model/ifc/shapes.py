@@ -72,7 +72,7 @@ def opened(file: Path) -> Any:
         raise InputError(file, "IFC", "ifcopenshell is not installed", remedy) from None
     except Exception as error:  # those of its parser have no class in common
         got = printable(str(error) or type(error).__name__)[:120]
-        raise InputError(file, "IFC", got, "export the building as IFC 4 (STEP)") from None
+        raise InputError(file, "IFC", got, "check that it is a whole IFC 2x3 or 4 file") from None
     schema = str(model.schema)
     if not schema.startswith(SCHEMAS):
         remedy = "export the building as IFC 2x3 or IFC 4"

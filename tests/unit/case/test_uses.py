@@ -115,3 +115,20 @@ def test_a_use_that_nobody_knows_needs_a_target():
         "case.toml: uses.offices.target: none, and the program has no such use; "
         'did you mean "office"?'
     )
+
+
+def test_a_use_of_the_case_that_no_space_can_have_is_refused():
+    """A mistyped name would leave the program's own numbers in place, without a word."""
+    spaces = [Space("west", (), use="office")]
+    with pytest.raises(InputError, match=r"uses\.offce: no space has this use.*office"):
+        with_uses(spaces, {"offce": UseTable(target=300)}, "case.toml")
+    with_uses(spaces, {"offce": UseTable(target=300, words=("desk",))}, "case.toml")
+    with_uses([Space("west", (), use="offce")], {"offce": UseTable(target=300)}, "case.toml")
+
+
+def test_hours_that_the_period_cuts_off_are_told():
+    spaces = [Space("west", (), use="office")]
+    _, cut = with_uses(spaces, {}, "case.toml", (8, 18))
+    assert "the period's, 8 to 18 h, count alone" in cut
+    _, whole = with_uses(spaces, {}, "case.toml", (6, 20))
+    assert "count alone" not in whole
