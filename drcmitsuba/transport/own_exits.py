@@ -81,6 +81,9 @@ class Passages:
         if drawn.within is not None:
             for own in drawn.within.numpy().reshape(drawn.replicates, -1):
                 lies[np.arange(len(own)), own] = True
+        if not len(self.sides):  # no light enters any room
+            none = tuple(self.sides for _ in range(1, lies.shape[1]))
+            return replace(scene, enclosure=replace(scene.enclosure, exits_by_room=none))
         cell = dr.gather(mi.UInt32, cells.index, self.keys, self.met)
         known = dr.compress(self.met & (cell < dr.opaque(mi.UInt32, cells.count)))
         lane, cell = known.numpy(), dr.gather(mi.UInt32, cell, known).numpy()
