@@ -136,10 +136,10 @@ def lamellae() -> Case:
 def mirror_opposite(images: bool = False) -> Case:
     """Window to the north, and 10 m before it a mirror that sees the sun above the roof.
 
-    With `images`, a black screen surrounds the mirror, and behind it stands the room's image: suns
-    in mirrored directions light the room through it as the suns do by the mirror. The screen is no
-    larger than suns ask for: rays of Mitsuba start a distance from surfaces that grows with the
-    coordinates, 2 cm in a scene of 200 m, in which the room was 1.6 % brighter.
+    With `images`, black walls lead from its edges to the facade, and behind it stands the room's
+    image: suns in mirrored directions light the room through it as the suns do by the mirror. No
+    wall is further away than that: rays of Mitsuba start a distance from surfaces that grows with
+    the coordinates, 2 cm in a scene of 200 m, in which the room was 1.6 % brighter.
     """
     floor, ceiling, walls = prism([(0, 0), (5, 0), (5, 6), (0, 6)], 3.0)
     window = np.array([[0.5, 0, 0.9], [4.5, 0, 0.9], [4.5, 0, 2.6], [0.5, 0, 2.6]])
@@ -150,10 +150,11 @@ def mirror_opposite(images: bool = False) -> Case:
 
     opposite = [layer("mirror", SILVER, upright(*x, *z, -10))]
     if images:
-        aside = ((-40, x[0], -1, 60), (x[1], 45, -1, 60), (*x, z[1], 60), (*x, -1, z[0]))
+        aside = [[(at, -10, z[0]), (at, -10, z[1]), (at, 0, z[1]), (at, 0, z[0])] for at in x]
+        above = [(x[0], -10, z[1]), (x[1], -10, z[1]), (x[1], 0, z[1]), (x[0], 0, z[1])]
         roof = [(0, -26, 3), (5, -26, 3), (5, -20, 3), (0, -20, 3)]
-        dark = [upright(*part, -10) for part in aside], upright(0, 5, 0, 3, -20), roof
-        opposite.append(layer("screen", Lambertian(0.0), *dark[0], *dark[1:]))
+        dark = [*aside, above, upright(0, 5, 0, 3, -20), roof]
+        opposite.append(layer("screen", Lambertian(0.0), *dark))
     return case_of(
         layer("floor", Lambertian(0.3), floor),
         layer("ceiling", Lambertian(0.8), ceiling),
