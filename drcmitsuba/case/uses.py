@@ -38,7 +38,7 @@ MOST_NAMES = 3
 
 
 class TaskTable(Table):
-    """What a task wants: keys that a use and a space share."""
+    """Table of a task, whose keys a use and a space share."""
 
     hours: tuple[Hour, Hour] | None = None
     """First hour of use on the clock, and the hour at which the last one ends [h]; by default those

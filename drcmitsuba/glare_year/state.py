@@ -221,6 +221,7 @@ def _of_surfaces(
     bins = len(light.suns.labels) + sky.sizes["bin"]
     first = FIRST if replicates - FIRST >= 2 else replicates
     step = max(64, COEFFICIENTS // bins)
+    again = replace(run, seed=case_seed(run.seed, Stream.BRIGHT_SURFACES))
     for start in range(0, len(surfaces.points), step):
         some = surfaces.take(slice(start, start + step))
         C = _coefficients(case, state, light, some, run, first)
@@ -229,17 +230,16 @@ def _of_surfaces(
         L = _luminances(C_mean, sky, some, np.arange(len(some.points)))[0]
         out[start : start + step] = L
         bright = np.flatnonzero((L > DIM / 2).any(axis=1))
-        further = None
+        further, brighter = None, some.take(bright)
         if first < replicates and len(bright):
-            again = replace(run, seed=case_seed(run.seed, Stream.BRIGHT_SURFACES))
             rest = replicates - first
-            further = _coefficients(case, state, light, some.take(bright), again, rest)
+            further = _coefficients(case, state, light, brighter, again, rest)
         for begin in range(0, len(bright), POINTS):
             points = bright[begin : begin + POINTS]
             each = _luminances(C, sky, some, points)
             if further is not None:
                 among = np.arange(begin, begin + len(points))
-                others = _luminances(further, sky, some.take(bright), among)
+                others = _luminances(further, sky, brighter, among)
                 each = np.concatenate([each, others])
                 out[start + points] = each.mean(axis=0)
             point, time = np.nonzero(out[start + points] > DIM)

@@ -95,10 +95,9 @@ def uncovered(
         Those that nothing covers are as they came; others keep their front.
     """
     out = [[rings] for rings in polygons]
-    count = len(polygons)
-    for plane, one, other in _in_one_plane([*polygons, *covers], tolerance):
-        if one >= count or other < count or not out[one]:
-            continue
+    if not (count := len(polygons)):
+        return out
+    for plane, one, other in _in_one_plane([*polygons, *covers], tolerance, count):
         mine = _shape(plane, out[one])
         both = mine & _shape(plane, [covers[other - count]])
         if both.area > tolerance * both.length:
@@ -132,10 +131,13 @@ def _pairs(faces: Sequence[RoomFace], tolerance: float) -> Iterator[tuple[Plane,
             yield plane, one, other
 
 
-def _in_one_plane(polygons: Sequence[Rings], tolerance: float) -> Iterator[tuple[Plane, int, int]]:
+def _in_one_plane(
+    polygons: Sequence[Rings], tolerance: float, covered: int | None = None
+) -> Iterator[tuple[Plane, int, int]]:
     """Polygons in one plane that may overlap, the first of lower index.
 
-    The front of the plane is that of the first polygon.
+    The front of the plane is that of the first polygon. With `covered`, the first is one of so many
+    at the beginning, the other one of those behind them.
     """
     vectors = np.array([area_vector(rings[0]) for rings in polygons]).reshape(-1, 3)
     size = np.linalg.norm(vectors, axis=1)
@@ -148,7 +150,9 @@ def _in_one_plane(polygons: Sequence[Rings], tolerance: float) -> Iterator[tuple
     high = np.array([c.max(axis=0) for c in corners]) + tolerance
     tree = shapely.STRtree(shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
     first, second = tree.query(tree.geometries, predicate="intersects")
-    kept = (first < second) & ((low[first] <= high[second]) & (low[second] <= high[first])).all(1)
+    one, other = some[first], some[second]
+    kept = one < other if covered is None else (one < covered) & (other >= covered)
+    kept &= ((low[first] <= high[second]) & (low[second] <= high[first])).all(axis=1)
     kept &= np.linalg.norm(np.cross(normals[first], normals[second]), axis=1) < PARALLEL
     for a, b in zip(first[kept].tolist(), second[kept].tolist(), strict=True):
         plane = Plane.of(corners[a])

@@ -20,8 +20,6 @@ HEADROOM = 1.0
 """Least height above a floor [m]."""
 SEAM = 0.02
 """Distance within which points count as inside of a room, and seams of its floor are closed [m]."""
-
-
 SAME_LEVEL = 0.5
 """Difference in height within which floors that overlap are in each other's way [m]."""
 OVERLAP = 0.01

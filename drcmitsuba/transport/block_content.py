@@ -1,4 +1,4 @@
-"""What the coefficients of some sensors depend on, however the rest of the scene has changed.
+"""Digests of all that the coefficients of some sensors depend on, whatever else has changed.
 
 Paths say what sensors see of diffuse surfaces: their weights hold all reflectances on the way. What
 straight light meets are the shapes of opaque surfaces, and panes and mirrors with their materials.

@@ -47,19 +47,21 @@ class Passages:
 
     @classmethod
     def of(cls, scene: Scene, cell_size: float) -> Passages | None:
-        """Passages of a scene with cells of a size [m]; None where no model has closed rooms."""
+        """Passages of a scene with cells of a size [m]; None where no model has closed rooms, and
+        where no light enters them: all rooms then have the exits of the scene, which are none.
+        """
         if not has_shapeless_rooms(scene):
             return None
         assert scene.enclosure is not None
         assert scene.enclosure.passages is not None
         quads, grid = scene.enclosure.passages, CellGrid.of(scene, cell_size)
+        if not len(quads):
+            return None
         sides = np.concatenate([quads, reversed_quads(quads)])
-        rays = int(np.clip(TOGETHER // max(1, len(sides)), FEWEST, RAYS))
+        rays = int(np.clip(TOGETHER // len(sides), FEWEST, RAYS))
         block = max(1, SHADOW_RAYS // rays)
         starts = range(0, len(sides), block)
         parts = [_from_sides(scene, grid, sides[i : i + block], rays) for i in starts]
-        if not parts:
-            return cls(sides, mi.UInt32(), mi.Bool(), rays)
         keys, met = (dr.concat(part) for part in zip(*parts, strict=True))
         return cls(sides, keys, met, rays)
 
@@ -81,9 +83,6 @@ class Passages:
         if drawn.within is not None:
             for own in drawn.within.numpy().reshape(drawn.replicates, -1):
                 lies[np.arange(len(own)), own] = True
-        if not len(self.sides):  # no light enters any room
-            none = tuple(self.sides for _ in range(1, lies.shape[1]))
-            return replace(scene, enclosure=replace(scene.enclosure, exits_by_room=none))
         cell = dr.gather(mi.UInt32, cells.index, self.keys, self.met)
         known = dr.compress(self.met & (cell < dr.opaque(mi.UInt32, cells.count)))
         lane, cell = known.numpy(), dr.gather(mi.UInt32, cell, known).numpy()
@@ -96,7 +95,7 @@ class Passages:
 
 
 def _around(scene: Scene, grid: CellGrid, points: np.ndarray) -> Vertices:
-    """What `RAYS` rays in all directions from each point meet, of weight 0 where it is nothing."""
+    """Vertices that `RAYS` rays in all directions from each point meet; of weight 0 for none."""
     row, ray = row_and_column(dr.arange(mi.UInt32, len(points) * RAYS), RAYS)
     d = mi.warp.square_to_uniform_sphere(even_numbers(ray, row, 1, 0))
     p = dr.gather(mi.Point3f, flat(points), row)

@@ -146,8 +146,8 @@ class GbxmlSurfaces:
             rings = self.faces.setdefault(space.attribute("id"), [])
             gaps = [
                 part
-                for gap in gaps_of(rings)
-                for part in uncovered([gap], covers, TOUCHING)[0]
+                for parts in uncovered(gaps_of(rings), covers, TOUCHING)
+                for part in parts
                 if Plane.of(part[0]).polygon(part).area > LEAST_GAP
             ]
             if not gaps:

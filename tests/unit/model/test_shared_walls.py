@@ -99,7 +99,7 @@ def test_random_faces_cover_what_they_covered():
 
 
 def test_what_lies_on_others_is_left_out_there():
-    """Of a shade in the plane of a wall, the part beside it remains; one apart stays as it is."""
+    """The part of a shade beside a wall in its plane remains; a shade apart stays as it is."""
     shade, apart = (wall((2, 5), 2, 1),), (wall((2, 5), 2.5, 1),)
     covers = [(wall((0, 3), 2, -1),), (wall((4, 4.5), 2, 1, (0, 1)),)]
     cut, whole = uncovered([shade, apart], covers, TOLERANCE)

@@ -51,7 +51,7 @@ def test_so_many_points_change_a_share_as_have_its_floor():
 
 
 def test_draws_count_the_same_floor():
-    """Of the fine grid's points near the threshold, draws move 20 % of the area."""
+    """Draws move 20 % of the area, by points of the fine grid near the threshold."""
     half = 300 / median_reached(WORKING)
     sda = standards.verdict("leed-v4.1", of_two_grids(half, 0, error=0.05)).quantities["sDA"]
     assert 0 <= sda.low < sda.high <= 20.0 + 1e-9
