@@ -117,7 +117,7 @@ def evaluated(
     if case.output.illuminance == "auto":
         reason = 'E and C are not kept: they do not fit in memory; [output] illuminance = "all"'
     lit = with_electric_light(
-        year.numbers(), year.daylight, sensors_by_space(year.counts), light.sky, light.step_hours
+        year.numbers(), year.years, sensors_by_space(year.counts), light.sky, light.step_hours
     )
     metrics, effects = with_record(
         planned, lit, year.counts.attrs, run, [*remarks, reason], expected

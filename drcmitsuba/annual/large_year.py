@@ -41,7 +41,7 @@ from drcmitsuba.metrics.intervals.facade_draws import (
 )
 from drcmitsuba.metrics.intervals.sun import SunDraws, draw_sun
 from drcmitsuba.metrics.sensor_counts import CountedYear, sensor_counts
-from drcmitsuba.metrics.space_tasks import summed_daylight
+from drcmitsuba.metrics.space_years import SpaceYears, of_block
 from drcmitsuba.metrics.spaces import sensors_by_space
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, part
@@ -178,8 +178,8 @@ class LargeYear:
         sky, seed = self.daylight.sky, drawing(self.case)["seed"]
         counts: list[xr.Dataset] = []
         spaces = sensors_by_space(self.sensors)
-        daylight = np.zeros((sky.sizes["time"], len(spaces)))
         draws: BlockDraws | None = None
+        years: SpaceYears | None = None
         record: dict[str, Any] = {}
         streams = [self._stream(state, some, taken) for state, some in suns.items()]
         for here, (is_open, *others) in aligned(streams):
@@ -190,11 +190,13 @@ class LargeYear:
             drawn = draw_block(C, sky, E, self.rules, sun, shut, self.grid[here], seed)
             draws = drawn if draws is None else draws.plus(drawn)
             counts.append(sensor_counts(E, self.rules))
-            daylight += summed_daylight(E, spaces, here)
+            day = SpaceYears.of(C, sky, E, taken, of_block(spaces, here), self.rules)
+            years = day if years is None else years.plus(day)
             its = {name: is_open.attrs[name] for name in RECORD if name in is_open.attrs}
             record = {name: max(record.get(name, value), value) for name, value in its.items()}
             progress(here.stop / len(self.grid))
         assert draws is not None
+        assert years is not None
         month, names = metrics.months(sky["sky"], "sky"), list(sensors_by_grid(self.sensors))
         alike: dict[str, Any] = {"data_vars": "minimal", "coords": "minimal", "compat": "override"}
         every = xr.concat(counts, "sensor", **alike)
@@ -202,5 +204,5 @@ class LargeYear:
         every = every.assign_coords(self.sensors.coords).assign_attrs(record)
         return CountedYear(
             every, month, self.rules, draws.draws(shut, month - 1, names), shut, taken.of_group,
-            daylight,
+            years,
         )  # fmt: skip

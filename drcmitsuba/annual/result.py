@@ -33,9 +33,10 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import VARYING
 from drcmitsuba.case.reading import load_case
 from drcmitsuba.case.sun import Adaptive
-from drcmitsuba.controls.space_lights import of_year
+from drcmitsuba.controls.space_lights import with_electric_light
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, evaluate_metrics
+from drcmitsuba.metrics.spaces import sensors_by_space
 from drcmitsuba.plan import Plan, notes, plan
 from drcmitsuba.plan.forecast import Forecast, forecast, is_short
 from drcmitsuba.runtime import backend, storage
@@ -282,7 +283,8 @@ def summed_up(
     planned = planned.summed() if VARYING in coefficients.others else planned
     more = {} if outcome is None else {"accuracy": asdict(outcome)}
     E = evaluated.illuminance
-    metrics, effects = with_record(
-        planned, of_year(evaluated.metrics, E) | more, coefficients.attrs, run, remarks, expected
+    lit = with_electric_light(
+        evaluated.metrics, evaluated.years, sensors_by_space(E), E, light.step_hours
     )
+    metrics, effects = with_record(planned, lit | more, coefficients.attrs, run, remarks, expected)
     return Result(case, metrics, E, coefficients, light, effects, run.enabled_effects)

@@ -38,7 +38,7 @@ from drcmitsuba.case.sensors import (
 )
 from drcmitsuba.case.shading import AREA, THRESHOLD, Shading
 from drcmitsuba.case.sky import Outside, PerezSky, Sky
-from drcmitsuba.case.spaces import SpaceTable, check_spaces
+from drcmitsuba.case.spaces import SpaceTable, check_box, check_spaces
 from drcmitsuba.case.sun import Sun, TrueSun, check_sun
 from drcmitsuba.case.unit_check import ask_about_furniture, ask_about_room, ask_about_spacing
 from drcmitsuba.case.uses import UseTable
@@ -230,10 +230,8 @@ class Case(Table):
         if self.room is not None and self.model is not None:
             got = "beside a room of boxes"
             raise InputError("case", "model", got, "give one of them")
-        for name in ("spaces", "uses"):
-            if self.model is None and getattr(self, name):
-                got = "there is no [model]"
-                raise InputError("case", name, got, "leave them out: a box is one space")
+        if self.model is None:
+            check_box(self.spaces, self.name)
         check_spaces(self.spaces, self.uses, self.groups, self.period)
         if self.model is None and not isinstance(self.sensors, Sensors):
             for kind, key in ((FloorSensors, "floors"), (SpaceSensors, "spaces")):

@@ -9,7 +9,7 @@ from typing import Annotated
 import shapely
 from pydantic import Field
 
-from drcmitsuba.case.uses import TaskTable, UseTable
+from drcmitsuba.case.uses import TaskTable, UseTable, clock_hours
 from drcmitsuba.case.weather import PeriodTable
 from drcmitsuba.model.space import Space, SpaceFloor, overlaps
 from drcmitsuba.runtime.errors import InputError
@@ -65,18 +65,32 @@ class SpaceTable(TaskTable):
         return replace(Space(name, (floor,), ceiling, volume=volume), **keys)
 
 
+def check_box(spaces: Mapping[str, SpaceTable], name: str) -> None:
+    """Refuse spaces other than the box itself, which has the `name` of its case."""
+    for stated, space in spaces.items():
+        if stated != name:
+            got, remedy = (
+                "a box is one space, which has the name of the case",
+                choose(stated, [name]),
+            )
+            raise InputError("case", f"spaces.{stated}", got, remedy)
+        if space.outline is not None:
+            got, remedy = "the floor of a box is that of [room]", "leave it out"
+            raise InputError("case", f"spaces.{stated}.outline", got, remedy)
+
+
 def check_spaces(
     spaces: Mapping[str, SpaceTable], uses: Mapping[str, UseTable], groups: Collection[str],
     period: PeriodTable,
 ) -> None:  # fmt: skip
     """Refuse hours of which the period has none, and groups that a case does not have."""
-    first, last = period.hours
-    if period.timestamps is None and first < last:
+    if period.timestamps is None and (known := clock_hours(period.hours)):
         tasks: dict[str, TaskTable] = {f"spaces.{name}": table for name, table in spaces.items()}
         for name, task in (tasks | {f"uses.{name}": use for name, use in uses.items()}).items():
             hours = task.hours
-            if hours is not None and (hours[1] <= first or hours[0] >= last):
+            if hours is not None and not known & clock_hours(hours):
                 got = f"{hours[0]} to {hours[1]} h, of which the period has none"
+                first, last = period.hours
                 remedy = f"give hours in [period] beside {first} to {last} h"
                 raise InputError("case", f"{name}.hours", got, remedy)
     for name, space in spaces.items():

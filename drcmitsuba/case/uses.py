@@ -37,20 +37,27 @@ MOST_NAMES = 3
 """Largest number of spaces of unknown use that a note names."""
 
 
+def clock_hours(hours: tuple[int, int]) -> frozenset[int]:
+    """Hours of the clock from the first one to the end of the last, 0 to 23, past midnight too."""
+    first, last = hours
+    passed = range(first, last) if first <= last else [*range(first, 24), *range(last)]
+    return frozenset(passed)
+
+
 class TaskTable(Table):
     """Table of a task, whose keys a use and a space share."""
 
     hours: tuple[Hour, Hour] | None = None
-    """First hour of use on the clock, and the hour at which the last one ends [h]; by default those
-    of the use, or all hours of the period."""
+    """First hour of use on the clock, and the hour at which the last one ends [h], which may lie
+    past midnight: [22, 6]; by default those of the use, or all hours of the period."""
     power: Power | None = None
     """Installed power of the lamps [W/m²], from which their energy follows."""
 
     @model_validator(mode="after")
-    def _in_turn(self) -> TaskTable:
-        if self.hours is not None and self.hours[0] >= self.hours[1]:
-            got = f"{self.hours[0]} to {self.hours[1]} h"
-            raise InputError("case", "hours", got, "give the first hour and a later last one")
+    def _has_hours(self) -> TaskTable:
+        if self.hours is not None and not clock_hours(self.hours):
+            got = f"{self.hours[0]} to {self.hours[1]} h, which is none"
+            raise InputError("case", "hours", got, "give the first hour and another last one")
         return self
 
 
@@ -170,7 +177,7 @@ def _note(
     for name in dict.fromkeys(taken.elements()):
         use, count = uses[name], taken[name]
         if use.hours is not None:
-            is_cut |= use.hours[0] < period[0] or use.hours[1] > period[1]
+            is_cut |= not clock_hours(use.hours) <= clock_hours(period)
         hours = "" if use.hours is None else f", {use.hours[0]} to {use.hours[1]} h"
         parts.append(f"{name} {use.target:g} lx{hours} ({count} space{'s' * (count > 1)})")
     if not parts:

@@ -88,8 +88,10 @@ def metrics(
     The intervals are wider than those of evaluate: the file holds the error of every illuminance,
     but not the correlation of these errors.
     """
-    from drcmitsuba.controls.space_lights import of_year
+    from drcmitsuba.controls.space_lights import with_electric_light
     from drcmitsuba.metrics import evaluate_metrics, stored_arrays
+    from drcmitsuba.metrics.space_years import SpaceYears
+    from drcmitsuba.metrics.spaces import sensors_by_space
     from drcmitsuba.runtime import storage
 
     thresholds = {
@@ -101,7 +103,10 @@ def metrics(
     E = stored_arrays.open_dataset(e, "total", "total_se", "direct_sun", "direct_sun_se")
     E = stored_arrays.loaded(e, E)
     rules = evaluate_metrics.rules_of(E.attrs, e, thresholds)
-    numbers = of_year(evaluate_metrics.summarise(E, rules), E)
+    spaces = sensors_by_space(E)
+    years = SpaceYears.of_errors(E, spaces, rules)
+    numbers = evaluate_metrics.summarise(E, rules, years=years)
+    numbers = with_electric_light(numbers, years, spaces, E, rules.step_hours)
     if settings := evaluate_metrics.settings_of(E.attrs, e, rules.metrics):
         numbers["settings"] = settings
     if output is not None:

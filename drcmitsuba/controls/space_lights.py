@@ -9,26 +9,20 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.controls.electric_light import dimming_to_off, lighting_energy
-from drcmitsuba.metrics.space_tasks import in_use, summed_daylight
-from drcmitsuba.metrics.spaces import SensorsOfSpace, sensors_by_space
+from drcmitsuba.metrics.space_tasks import in_use
+from drcmitsuba.metrics.space_years import SpaceYears
+from drcmitsuba.metrics.spaces import SensorsOfSpace
 
 Dimming = Callable[[xr.DataArray, float], xr.DataArray]
 """Function of daylight (time, zone) and a set point [lx] that gives the fraction of the power."""
-HOURS = ("hours", "hours_saved", "hours_off")
+Light = dict[str, np.ndarray]
+"""Hours and energy of electric light in all variants of daylight, shape (variant,) each."""
 DIGITS = 9
 """Decimals that are kept: an hour less an hour is 0."""
 
 
-def of_year(numbers: Mapping[str, Any], illuminance: xr.Dataset) -> dict[str, Any]:
-    """Metrics with the electric light of spaces as `with_electric_light`, from E of a year [lx]."""
-    spaces = sensors_by_space(illuminance)
-    daylight = summed_daylight(illuminance, spaces)
-    step = float(illuminance.attrs.get("step_hours", 1.0))
-    return with_electric_light(numbers, daylight, spaces, illuminance, step)
-
-
 def with_electric_light(
-    numbers: Mapping[str, Any], daylight: np.ndarray, spaces: Sequence[SensorsOfSpace],
+    numbers: Mapping[str, Any], years: SpaceYears, spaces: Sequence[SensorsOfSpace],
     times: xr.Dataset, step_hours: float, dimming: Dimming = dimming_to_off,
 ) -> dict[str, Any]:  # fmt: skip
     """Metrics with the electric light of every space, of the storeys and of the building.
@@ -37,8 +31,8 @@ def with_electric_light(
     ----------
     numbers : mapping
         Metrics with the rows `spaces`, from `evaluate_metrics.summarise`.
-    daylight : np.ndarray, shape (time, space)
-        Mean illuminance of every space, from `space_tasks.summed_daylight` [lx].
+    years : SpaceYears
+        Daylight of the spaces.
     spaces : sequence of SensorsOfSpace
         Spaces in the order of these rows.
     times : xr.Dataset
@@ -51,39 +45,71 @@ def with_electric_light(
     Returns
     -------
     dict
-        The metrics; every row has `electric_light`: `hours` of use, full hours of the lamps that
-        daylight saves (`hours_saved`), hours without any electric light (`hours_off`) [h], and
-        `energy` [kWh] where the power of the lamps is known. Of storeys and of the building hours
-        are means by floor area, and the energy is the sum where it is known of each space.
+        The metrics; every row has `electric_light`: `hours` of use [h], and with intervals full
+        hours of the lamps that daylight saves (`hours_saved`), hours without any electric light
+        (`hours_off`) [h], and `energy` [kWh] where the power of the lamps is known. Of storeys and
+        of the building hours are means by floor area, and the energy is the sum where it is known
+        of each space.
     """
     rows = numbers.get("spaces", [])
     if not rows:
         return dict(numbers)
-    lit = []
-    for row, space, E in zip(rows, spaces, daylight.T, strict=True):
-        zone = xr.DataArray(E[:, None], {"zone": [space.name]}, ("time", "zone"))
-        wanted = in_use(space, times, step_hours)
-        power, area = dimming(zone, row["target"]), {space.name: space.floor_area}
-        used = lighting_energy(power, space.power or 0.0, area, step_hours, wanted)
-        light = {name: round(used[name].item(), DIGITS) for name in HOURS[1:]}
-        light = {HOURS[0]: step_hours * int(wanted.sum()), **light}
-        known = {} if space.power is None else {"energy": round(used["energy"].item(), DIGITS)}
-        lit.append({**row, "electric_light": light | known})
-    out = {**numbers, "spaces": lit, "building": _joined(numbers["building"], lit)}
+    lights = [
+        _light(space, years.daylight[..., k], row["target"], times, step_hours, dimming)
+        for k, (row, space) in enumerate(zip(rows, spaces, strict=True))
+    ]
+    areas = np.array([space.floor_area for space in spaces])
+
+    def of(row: Mapping[str, Any], chosen: np.ndarray) -> dict[str, Any]:
+        light = _joined([lights[k] for k in chosen], areas[chosen])
+        return {**row, "electric_light": _told(light, years)}
+
+    every = np.arange(len(spaces))
+    out = {
+        **numbers,
+        "spaces": [of(row, every[k : k + 1]) for k, row in enumerate(rows)],
+        "building": of(numbers["building"], every),
+    }
     if "storeys" in numbers:
+        storey = np.array([space.storey for space in spaces])
         out["storeys"] = [
-            _joined(storey, [row for row in lit if row["storey"] == storey["name"]])
-            for storey in numbers["storeys"]
+            of(row, np.flatnonzero(storey == row["name"])) for row in numbers["storeys"]
         ]
     return out
 
 
-def _joined(whole: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Row of several spaces with their electric light."""
-    lights, areas = [row["electric_light"] for row in rows], [row["floor_area"] for row in rows]
-    means = {
-        name: float(np.average([light[name] for light in lights], weights=areas)) for name in HOURS
+def _light(
+    space: SensorsOfSpace, daylight: np.ndarray, target: float, times: xr.Dataset,
+    step_hours: float, dimming: Dimming,
+) -> Light:  # fmt: skip
+    """Electric light of a space in all variants of its daylight (variant, time) [lx]."""
+    variants = np.arange(len(daylight)).astype(str)
+    zones = xr.DataArray(daylight.T.astype(float), {"zone": variants}, ("time", "zone"))
+    wanted = in_use(space, times, step_hours)
+    area = dict.fromkeys(variants.tolist(), space.floor_area)
+    used = lighting_energy(dimming(zones, target), space.power or 0.0, area, step_hours, wanted)
+    light = {"hours": np.full(len(variants), step_hours * wanted.sum())}
+    light |= {name: used[name].values for name in ("hours_saved", "hours_off")}
+    return light if space.power is None else {**light, "energy": used["energy"].values}
+
+
+def _joined(lights: Sequence[Light], areas: np.ndarray) -> Light:
+    """Electric light of several spaces: mean hours by floor area, and the sum of the energy."""
+    out = {
+        name: np.average([light[name] for light in lights], axis=0, weights=areas)
+        for name in ("hours", "hours_saved", "hours_off")
     }
-    known = all("energy" in light for light in lights)
-    energy = {"energy": sum(light["energy"] for light in lights)} if known else {}
-    return {**whole, "electric_light": means | energy}
+    if all("energy" in light for light in lights):
+        out["energy"] = np.sum([light["energy"] for light in lights], axis=0)
+    return out
+
+
+def _told(light: Light, years: SpaceYears) -> dict[str, Any]:
+    """Hours of use, and the other numbers with their intervals."""
+    hours, most = light["hours"].item(0), np.inf
+    out: dict[str, Any] = {"hours": hours}
+    for name in ("hours_saved", "hours_off", "energy"):
+        if name in light:
+            interval = years.interval(light[name]).within(0.0, most if name == "energy" else hours)
+            out[name] = {end: round(value, DIGITS) for end, value in interval.to_dict().items()}
+    return out

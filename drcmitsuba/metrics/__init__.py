@@ -30,8 +30,10 @@ bin_luminances, accumulate
     Luminances L of the bins of C; E from both.
 illuminance
     E of a case's period, the shade applied.
-spaces, space_tasks
-    Spaces with their sensors, metrics by space and area; autonomy at the targets of their uses.
+spaces, space_tasks, space_years
+    Spaces with their sensors; autonomy at the targets of their uses; both by replicates of E.
+metrics_of_spaces
+    Metrics by space, by storey and of the building, by area.
 sensor_areas
     Spacing of grids, and the floor that each sensor stands for.
 sensor_counts

@@ -13,6 +13,10 @@ class Interval:
     low: float
     high: float
 
+    def within(self, least: float, most: float) -> Interval:
+        """Interval of a metric that is from `least` to `most`."""
+        return Interval(self.value, max(least, self.low), min(most, self.high))
+
     def to_dict(self) -> dict[str, float]:
         """Return `{"value", "low", "high"}` as in `metrics.json`."""
         return asdict(self)

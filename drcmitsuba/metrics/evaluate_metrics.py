@@ -19,13 +19,14 @@ from drcmitsuba.case.shading import AREA, THRESHOLD
 from drcmitsuba.case.sun import Adaptive, ThreePhase
 from drcmitsuba.metrics import intervals
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
-from drcmitsuba.metrics.facade_states import shares_of_states
+from drcmitsuba.metrics.facade_states import FacadeStates, shares_of_states
 from drcmitsuba.metrics.grids import sensors_by_grid
-from drcmitsuba.metrics.illuminance import illuminance
+from drcmitsuba.metrics.illuminance import direct_sun, illuminance
 from drcmitsuba.metrics.intervals import Bounds, DrawnShares, Draws, Rules, ShadeDraws, values
+from drcmitsuba.metrics.metrics_of_spaces import by_space
 from drcmitsuba.metrics.sensor_counts import undecided
-from drcmitsuba.metrics.space_tasks import at_target, tasks
-from drcmitsuba.metrics.spaces import by_space, sensors_by_space
+from drcmitsuba.metrics.space_years import SpaceYears
+from drcmitsuba.metrics.spaces import sensors_by_space
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import checked
 from drcmitsuba.schema import by_luminance
@@ -40,6 +41,8 @@ class EvaluatedMetrics:
     """E from `illuminance.illuminance` [lx]."""
     draws: Draws
     """Draws of the metrics, from which the intervals follow."""
+    years: SpaceYears
+    """Daylight of the spaces."""
     metrics: dict[str, Any]
     """Values and intervals from `summarise` [%]."""
 
@@ -155,11 +158,15 @@ def evaluate_metrics(
     `direct` is from `illuminance.direct_sun` [lx], `shade` from `draw_shade` of the same direct
     sun; both are computed by default. Errors are those of `illuminance.illuminance`.
     """
-    E = illuminance(coefficients, daylight.sky, direct)
+    sky = daylight.sky
+    direct = direct_sun(coefficients, sky) if direct is None else direct
+    taken = FacadeStates.of(coefficients.attrs, direct)
+    E = illuminance(coefficients, sky, direct, taken)
     E.attrs["step_hours"] = daylight.step_hours
     asked = rules(case, daylight.step_hours, coefficients.attrs)
-    draws = intervals.draw(coefficients, daylight.sky, E, asked, **drawing(case), shade=shade)
-    return EvaluatedMetrics(E, draws, summarise(E, asked, draws))
+    draws = intervals.draw(coefficients, sky, E, asked, **drawing(case), shade=shade)
+    years = SpaceYears.of(coefficients, sky, E, taken, sensors_by_space(E), asked)
+    return EvaluatedMetrics(E, draws, years, summarise(E, asked, draws, years))
 
 
 def _monthly(
@@ -172,7 +179,10 @@ def _monthly(
     ]
 
 
-def summarise(illuminance: xr.Dataset, rules: Rules, draws: Draws | None = None) -> dict[str, Any]:
+def summarise(
+    illuminance: xr.Dataset, rules: Rules, draws: Draws | None = None,
+    years: SpaceYears | None = None,
+) -> dict[str, Any]:  # fmt: skip
     """Compute all metrics with their 95 % intervals.
 
     Parameters
@@ -184,6 +194,8 @@ def summarise(illuminance: xr.Dataset, rules: Rules, draws: Draws | None = None)
     draws : Draws, optional
         Draws from `intervals.draw`. Without them, as where E has no replicates, the intervals are
         those of `intervals.Bounds`, wider than 95 % requires.
+    years : SpaceYears, optional
+        Daylight of the spaces of E; by default from E alone, `SpaceYears.of_errors`.
 
     Returns
     -------
@@ -192,7 +204,7 @@ def summarise(illuminance: xr.Dataset, rules: Rules, draws: Draws | None = None)
         `shade_closed_monthly`: 12 of these or None; with draws `undecided`: the sensors that pass
         in more than 2.5 and less than 97.5 % of them; `grids`, where E has a coordinate `grid`:
         `sDA`, `ASE`, `msDA`, `MSE` and the number of `sensors` of each grid, by its name; `spaces`,
-        `storeys` and `building` from `spaces.by_space`, where E tells spaces. The shade
+        `storeys` and `building` from `metrics_of_spaces.by_space`, where E tells spaces. The shade
         closes where the sun on any grid asks for it. `groups`, where panes close one by one: the
         share of the time stamps in each state [%], by group and state; `shade_closed` is the mean
         of the groups.
@@ -217,8 +229,9 @@ def summarise(illuminance: xr.Dataset, rules: Rules, draws: Draws | None = None)
             for name, sensors in grids.items()
         }
     spaces = sensors_by_space(illuminance)
-    wanted = tasks(at_target(illuminance, spaces, rules), spaces, rules)
-    return numbers | by_space(numbers, illuminance, draws, spaces, wanted)
+    if years is None:
+        years = SpaceYears.of_errors(illuminance, spaces, rules)
+    return numbers | by_space(numbers, illuminance, draws, spaces, years, rules)
 
 
 def _shares_of_states(illuminance: xr.Dataset, rules: Rules) -> dict[str, dict[str, float]]:

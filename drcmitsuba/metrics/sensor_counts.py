@@ -19,8 +19,10 @@ from drcmitsuba.metrics.facade_states import shares_of_states
 from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.metrics.intervals import DrawnShares, Draws, Rules
 from drcmitsuba.metrics.intervals.facade_draws import Closures
-from drcmitsuba.metrics.space_tasks import at_target, tasks
-from drcmitsuba.metrics.spaces import by_space, sensors_by_space
+from drcmitsuba.metrics.metrics_of_spaces import by_space
+from drcmitsuba.metrics.space_tasks import at_target
+from drcmitsuba.metrics.space_years import SpaceYears
+from drcmitsuba.metrics.spaces import sensors_by_space
 from drcmitsuba.schema import luminance
 
 
@@ -73,8 +75,8 @@ class CountedYear:
     closures: Closures
     of_group: np.ndarray
     """State of every group of panes at every time stamp, an index, shape (time, group)."""
-    daylight: np.ndarray
-    """Mean illuminance of every space by floor area, shape (time, space) [lx]."""
+    years: SpaceYears
+    """Daylight of the spaces."""
 
     def numbers(self) -> dict[str, Any]:
         """Metrics with their intervals, as `evaluate_metrics.summarise` gives them."""
@@ -96,8 +98,8 @@ class CountedYear:
         if grids := sensors_by_grid(self.counts):
             numbers["grids"] = {name: of(s, self.draws.grids[name]) for name, s in grids.items()}
         spaces = sensors_by_space(self.counts)
-        wanted = tasks(self.counts, spaces, self.rules)
-        return numbers | by_space(numbers, self.counts, self.draws, spaces, wanted)
+        every = self.counts, self.draws, spaces, self.years, self.rules
+        return numbers | by_space(numbers, *every)
 
     @property
     def _stamps(self) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Daylight for the tasks of spaces: autonomy at the target of each in its hours, mean illuminance.
+"""Daylight for the tasks of spaces: autonomy at the target of each in its hours.
 
 A space without a target of its own has the threshold of sDA, one without hours of its own has all
 time stamps; sDA itself keeps its threshold and its hours whatever the uses are.
@@ -7,7 +7,6 @@ time stamps; sDA itself keeps its threshold and its hours whatever the uses are.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -23,7 +22,9 @@ def in_use(space: SensorsOfSpace, times: xr.Dataset, step_hours: float) -> np.nd
     if space.hours is None:
         return np.ones(times.sizes["time"], bool)
     hour = thresholds.hour_of_day(times, step_hours)
-    kept = (hour >= space.hours[0]) & (hour < space.hours[1])
+    first, last = space.hours
+    after, before = hour >= first, hour < last
+    kept = after & before if first < last else after | before  # past midnight
     return kept if kept.any() else ~kept
 
 
@@ -65,55 +66,3 @@ def at_target(
     names = ("DA", "DA_low", "DA_high")
     units = {"units": "%"}
     return xr.Dataset({n: ("sensor", row, units) for n, row in zip(names, shares, strict=True)})
-
-
-def tasks(
-    autonomy: xr.Dataset, spaces: Sequence[SensorsOfSpace], rules: Rules
-) -> dict[str, dict[str, Any]]:
-    """`target` [lx], `hours` and `DA` [%] of every space, its sensors' mean by floor area.
-
-    `autonomy` is from `at_target` of all sensors. `hours` is None where all time stamps count.
-    """
-    out = {}
-    for space in spaces:
-        value, low, high = (
-            float(autonomy[name].values[space.sensors] @ space.shares)
-            for name in ("DA", "DA_low", "DA_high")
-        )
-        out[space.name] = {
-            "target": space.target or rules.metrics.sda_threshold,
-            "hours": None if space.hours is None else list(space.hours),
-            "DA": {"value": value, "low": low, "high": high},
-        }
-    return out
-
-
-def summed_daylight(
-    illuminance: xr.Dataset, spaces: Sequence[SensorsOfSpace], here: slice = slice(None)
-) -> np.ndarray:
-    """Mean illuminance of spaces by floor area, or what a block of sensors adds to it.
-
-    Parameters
-    ----------
-    illuminance : xr.Dataset
-        `total` (time, sensor) of all sensors, or of the block `here` of them [lx].
-    spaces : sequence of SensorsOfSpace
-        Spaces of all sensors.
-    here : slice
-        Sensors of the block among all.
-
-    Returns
-    -------
-    np.ndarray, shape (time, space)
-        Σ share · E over the sensors of the block [lx].
-    """
-    E = luminance(illuminance["total"]).transpose("time", "sensor").values
-    first, stop = here.start or 0, here.stop
-    out = np.zeros((len(E), len(spaces)))
-    for k, space in enumerate(spaces):
-        inside = space.sensors >= first
-        if stop is not None:
-            inside &= space.sensors < stop
-        if inside.any():
-            out[:, k] = E[:, space.sensors[inside] - first] @ space.shares[inside]
-    return out

@@ -16,6 +16,7 @@ from drcmitsuba.scene.leaks import crack_notes
 from drcmitsuba.scene.materials import film
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.sensors import placed_sensors
+from drcmitsuba.scene.spaces import box_and_note
 
 MOST_LOST = 1e-3
 """Part of the photons' flux that may be lost without a note."""
@@ -75,6 +76,8 @@ def notes(case: Case) -> list[str]:
     remarks = [*case.building.notes, *of_groups, *shade_notes(case)]
     remarks += [*placed_sensors(case).notes, *crack_notes(case), *darkness_notes(case)]
     remarks += _target_notes(case)
+    if case.room is not None and (note := box_and_note(case)[1]):
+        remarks.append(note)
     for name, material in panes.of(case, BsdfMaterial).items():
         measured = film(material.file)
         if lacking := advice.dark(measured.file):

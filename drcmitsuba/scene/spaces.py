@@ -7,6 +7,8 @@ import shapely
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.sensors import FloorSensors
+from drcmitsuba.case.spaces import with_tables
+from drcmitsuba.case.uses import with_uses
 from drcmitsuba.model.space import Space, SpaceFloor
 from drcmitsuba.scene.floors_of_model import rooms_of
 
@@ -18,13 +20,29 @@ def spaces_of(case: Case) -> tuple[Space, ...]:
     and the rooms above whose floors `[sensors]` asks for grids are one each.
     """
     if case.room is not None:
-        x, y, z = case.room.size
-        floor = SpaceFloor(0.0, shapely.box(0, 0, x, y))
-        return (Space(case.name, (floor,), z, volume=x * y * z),)
+        return box_and_note(case)[0]
     if case.building.spaces or not isinstance(case.sensors, FloorSensors):
         return case.building.spaces
     rooms = rooms_of(case.building, case.sensors.floors, case.sensors.height, case.source)
     return tuple(Space(r.name, (SpaceFloor(r.height, r.outline),)) for r in rooms)
+
+
+def box_and_note(case: Case) -> tuple[tuple[Space, ...], str]:
+    """Box of a case as its one space, and a note on its use where the case states any.
+
+    Raises
+    ------
+    InputError
+        A use in `[uses]` is not that of the box.
+    """
+    assert case.room is not None
+    x, y, z = case.room.size
+    floor = SpaceFloor(0.0, shapely.box(0, 0, x, y))
+    box = Space(case.name, (floor,), z, volume=x * y * z)
+    if not case.spaces and not case.uses:
+        return (box,), ""
+    hours = case.period.hours if case.period.timestamps is None else (0, 24)
+    return with_uses(with_tables((box,), case.spaces, case.source), case.uses, case.source, hours)
 
 
 def names_by_space(grids: np.ndarray, spaces: np.ndarray) -> np.ndarray:

@@ -59,10 +59,15 @@ def told_rows(numbers: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
 
 def numbers_of_task(row: Mapping[str, Any]) -> list[tuple[str, list[float], str]]:
     """Name, numbers and unit of what a row from `told_rows` says on its task."""
-    out = [("DA", [row["DA"][end] for end in ENDS], "%")] if "DA" in row else []
-    light = row.get("electric_light", {})
-    units = {"energy": "kWh"}
-    return out + [(f"electric light, {n}", [v], units.get(n, "h")) for n, v in light.items()]
+    out = [("DA", _numbers(row["DA"]), "%")] if "DA" in row else []
+    for name, value in row.get("electric_light", {}).items():
+        numbers = [value] if name == "hours" else _numbers(value)
+        out.append((f"electric light, {name}", numbers, "kWh" if name == "energy" else "h"))
+    return out
+
+
+def _numbers(number: Mapping[str, float]) -> list[float]:
+    return [number[end] for end in ENDS]
 
 
 def _is_row(row: object) -> bool:
@@ -80,7 +85,9 @@ def _with_sound_task(row: dict[str, Any]) -> Mapping[str, Any]:
     sound = {
         "DA": _is_share(row.get("DA")),
         "target": _is_number(target),
-        "electric_light": isinstance(light, dict) and all(map(_is_number, light.values())),
+        "electric_light": isinstance(light, dict)
+        and _is_number(light.get("hours"))
+        and all(_is_share(value) for name, value in light.items() if name != "hours"),
     }
     return {key: value for key, value in row.items() if sound.get(key, True)}
 
@@ -108,8 +115,9 @@ def _task(space: Mapping[str, Any]) -> tuple[Cell, Cell, Cell]:
     if target != (NONE,) and isinstance(hours, list) and len(hours) == 2:
         target = (*target, *plain(f", {hours[0]}–{hours[1]} h"))
     lamps: Cell = (NONE,)
-    if "hours" in light and "hours_saved" in light:
-        lamps = (Number(light["hours"] - light["hours_saved"], 0), " h")
+    if "hours_saved" in light:
+        value, low, high = (light["hours"] - n for n in _numbers(light["hours_saved"]))
+        lamps = interval({"value": value, "low": high, "high": low}, "h", 0)
     if "energy" in light:
-        lamps = (*lamps, ", ", Number(light["energy"], 0), " kWh")
+        lamps = (*lamps, ", ", *interval(light["energy"], "kWh", 0))
     return target, interval(space.get("DA")), lamps

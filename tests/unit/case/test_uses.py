@@ -6,9 +6,20 @@ from collections import Counter
 import pytest
 import shapely
 
-from drcmitsuba.case.uses import UseTable, known_uses, recognised, shipped_uses, with_uses
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.uses import (
+    UseTable,
+    clock_hours,
+    known_uses,
+    recognised,
+    shipped_uses,
+    with_uses,
+)
 from drcmitsuba.model.space import Space, SpaceFloor
+from drcmitsuba.plan.notes import notes
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import checked
+from drcmitsuba.scene.spaces import box_and_note
 from tests import ROOT
 from tests.unit.scene.test_spaces_of_case import WEST, two_rooms
 
@@ -94,7 +105,8 @@ def test_tables_of_a_case_reach_its_spaces(tmp_path):
 @pytest.mark.parametrize(
     ("more", "field", "got"),
     [
-        ({"hours": [18, 8]}, "spaces.a.hours", "18 to 8 h"),
+        ({"hours": [18, 8]}, "spaces.a.hours", "of which the period has none"),
+        ({"hours": [9, 9]}, "spaces.a.hours", "9 to 9 h, which is none"),
         ({"hours": [18, 22]}, "spaces.a.hours", "of which the period has none"),
         ({"hours": [9]}, "spaces.a.hours.1", "nothing"),
         ({"threshold": 0}, "spaces.a.threshold", "0"),
@@ -106,6 +118,51 @@ def test_unfit_tasks_are_named(tmp_path, more, field, got):
         two_rooms(tmp_path, GRID, a={**WEST, **more})
     assert error.value.field == field
     assert got in error.value.got
+
+
+def test_hours_may_pass_midnight():
+    assert clock_hours((22, 6)) == {22, 23, 0, 1, 2, 3, 4, 5}
+    assert clock_hours((0, 24)) == set(range(24))
+    assert clock_hours((9, 9)) == clock_hours((24, 0)) == set()
+    night = {"ward": UseTable(hours=(20, 9))}
+    _, note = with_uses([space("ward 3")], night, "case", (8, 18))
+    assert "ward 100 lx, 20 to 9 h (1 space); of these hours the period's, 8 to 18 h" in note
+
+
+BOX = {
+    "name": "study", "room": {"size": [4, 5, 3]},
+    "sensors": {"corner": [0.5, 0.5, 0.8], "count": [3, 4], "spacing": 1.0},
+    "facade": {"south": {"strips": [{"bottom": 0.9, "top": 2.7, "material": "glass"}]}},
+    "materials": {"glass": {"type": "glazing", "transmittance": 0.7}},
+}  # fmt: skip
+
+
+def test_a_box_has_a_use():
+    """Its name is that of the case, which tells no use unless the case asks about uses."""
+    table = {"study": {"use": "office", "power": 6, "hours": [9, 17]}}
+    case = Case.model_validate({**BOX, "spaces": table})
+    (box,), note = box_and_note(case)
+    assert (box.name, box.use, box.target, box.hours, box.power) == (
+        "study", "office", 500, (9, 17), 6,
+    )  # fmt: skip
+    assert note.startswith("spaces: targets and hours by use are office 500 lx")
+    assert note in notes(case)
+    (plain,), nothing = box_and_note(Case.model_validate({**BOX, "name": "office"}))
+    assert (plain.target, nothing) == (None, "")
+    named = Case.model_validate({**BOX, "name": "office 7", "uses": {"office": {"target": 300}}})
+    assert box_and_note(named)[0][0].target == 300
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ({"spaces": {"studio": {"use": "office"}}}, "spaces.studio: a box is one space"),
+        ({"spaces": {"study": {"outline": [[0, 0], [1, 0], [1, 1]]}}}, "leave it out"),
+    ],
+)
+def test_other_spaces_of_a_box_are_refused(table, said):
+    with pytest.raises(InputError, match=said):
+        checked(Case, {**BOX, **table}, "case.toml")
 
 
 def test_a_use_that_nobody_knows_needs_a_target():

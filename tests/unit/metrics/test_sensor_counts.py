@@ -21,6 +21,7 @@ from drcmitsuba.metrics.intervals.facade_draws import (
 )
 from drcmitsuba.metrics.intervals.sun import SunDraws, draw_sun
 from drcmitsuba.metrics.sensor_counts import CountedYear, sensor_counts
+from drcmitsuba.metrics.space_years import SpaceYears
 
 HOURS, SENSORS, REPLICATES = 48, 40, 4
 EDGES = (0, 7, 8, 25, 40)
@@ -108,7 +109,7 @@ def test_blocks_of_sensors_have_the_numbers_of_all_together(year):
     names, month = list(sensors_by_grid(E)), E["time"].dt.month.values
     np.testing.assert_allclose(draws.mean, whole.mean, rtol=1e-6)
     every = xr.concat(counts, "sensor", data_vars="minimal", coords="minimal", compat="override")
-    none = np.zeros((HOURS, 0))
+    none = SpaceYears.of_errors(E, (), RULES)
     counted = CountedYear(
         every, month, RULES, draws.draws(shut, month - 1, names), shut, shut.state[:, None], none
     )

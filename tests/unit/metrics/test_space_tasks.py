@@ -7,8 +7,11 @@ import pytest
 import xarray as xr
 
 from drcmitsuba.case.metrics import Metrics
+from drcmitsuba.metrics.confidence import Interval
+from drcmitsuba.metrics.evaluate_metrics import summarise
 from drcmitsuba.metrics.intervals import Rules
-from drcmitsuba.metrics.space_tasks import at_target, in_use, summed_daylight, tasks
+from drcmitsuba.metrics.space_tasks import at_target, in_use
+from drcmitsuba.metrics.space_years import SpaceYears
 from drcmitsuba.metrics.spaces import sensors_by_space
 from drcmitsuba.runtime.errors import InputError
 
@@ -26,9 +29,11 @@ E_LUX = np.array(
 
 def year(error=0.0, rows=ROWS, **coords):
     """E of two sensors in the west and one in the east, from 8 to 12 h."""
-    E = {"total": (("time", "sensor"), E_LUX), "total_se": (("time", "sensor"), error + 0 * E_LUX)}
+    dims = ("time", "sensor")
+    E = {"total": (dims, E_LUX), "total_se": (dims, error + 0 * E_LUX)}
+    E |= {"direct_sun": (dims, 0 * E_LUX), "direct_sun_se": (dims, 0 * E_LUX)}
     at = {"space": ("sensor", np.array(["west", "west", "east"], object))}
-    at |= {axis: ("sensor", np.arange(3.0)) for axis in "xyz"}
+    at |= {axis: ("sensor", np.arange(3.0)) for axis in "xyz"} | {"grid": at["space"]}
     attrs = {"spaces": json.dumps(rows), "interval_factor": 2.0}
     return xr.Dataset(E, {"time": HOURS, **at, **coords}, attrs)
 
@@ -37,22 +42,24 @@ def test_a_space_counts_its_target_in_its_hours():
     """West: at 9 h one sensor of two has 500 lx, at 10 h the other. East: 300 lx at 9 and 11 h."""
     E = year()
     spaces = sensors_by_space(E)
-    autonomy = at_target(E, spaces, RULES)
-    assert autonomy["DA"].values.tolist() == [50, 50, 50]
-    told = tasks(autonomy, spaces, RULES)
-    assert told["west"] == {
-        "target": 500, "hours": [9, 11], "DA": {"value": 50, "low": 50, "high": 50},
-    }  # fmt: skip
-    assert told["east"]["target"] == 300
-    assert told["east"]["hours"] is None
-    assert told["east"]["DA"]["value"] == 50
+    assert at_target(E, spaces, RULES)["DA"].values.tolist() == [50, 50, 50]
+    years = SpaceYears.of_errors(E, spaces, RULES)
+    assert years.autonomy.tolist() == [[50, 50]] * 3
+    rows = summarise(E, RULES, years=years)["spaces"]
+    told = {row["name"]: {key: row[key] for key in ("target", "hours", "DA")} for row in rows}
+    DA = {"value": 50, "low": 50, "high": 50}
+    assert told["west"] == {"target": 500, "hours": [9, 11], "DA": DA}
+    assert told["east"] == {"target": 300, "hours": None, "DA": DA}
 
 
 def test_bounds_have_all_errors_in_one_direction():
     """±2 · 0.5 lx: 500 and 300 fail at the lower end, 499 and 299 pass at the upper one."""
-    told = tasks(at_target(E := year(0.5), spaces := sensors_by_space(E), RULES), spaces, RULES)
-    assert told["west"]["DA"] == {"value": 50, "low": 25, "high": 75}
-    assert told["east"]["DA"] == {"value": 50, "low": 25, "high": 75}
+    E = year(0.5)
+    years = SpaceYears.of_errors(E, sensors_by_space(E), RULES)
+    for values in years.autonomy.T:
+        assert years.interval(values) == Interval(50, 25, 75)
+    np.testing.assert_allclose(years.daylight[:, 0, 0], [900, 899, 901])
+    assert years.daylight[:, 3, 0].tolist() == [0, 0, 1]  # no light is negative
 
 
 def test_hours_are_those_of_the_clock():
@@ -60,18 +67,16 @@ def test_hours_are_those_of_the_clock():
     west, east = sensors_by_space(E)
     assert in_use(west, E, 1.0).tolist() == [True, True, False, False]
     assert in_use(east, E, 1.0).all()
+    night = sensors_by_space(year(rows=[{**ROWS[0], "hours": [10, 9]}, ROWS[1]]))[0]
+    assert in_use(night, year(), 1.0).tolist() == [True, False, True, True]  # past midnight
     evening = sensors_by_space(year(rows=[{**ROWS[0], "hours": [20, 22]}, ROWS[1]]))[0]
     assert in_use(evening, E, 1.0).all()  # the period has none of them
 
 
-def test_daylight_of_blocks_adds_up_to_that_of_all():
+def test_daylight_is_the_mean_of_the_floor():
     E = year()
-    spaces = sensors_by_space(E)
-    whole = summed_daylight(E, spaces)
-    np.testing.assert_allclose(whole, [[900, 100], [500, 300], [499.5, 299], [0, 500]])
-    blocks = (slice(0, 1), slice(1, 3))
-    parts = [summed_daylight(E.isel(sensor=here), spaces, here) for here in blocks]
-    np.testing.assert_allclose(sum(parts), whole)
+    years = SpaceYears.of_errors(E, sensors_by_space(E), RULES)
+    np.testing.assert_allclose(years.daylight[0], [[900, 100], [500, 300], [499.5, 299], [0, 500]])
 
 
 def test_sensors_of_grids_of_other_spacing_stand_for_other_areas():
