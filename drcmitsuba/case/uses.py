@@ -6,6 +6,7 @@ serve daylight autonomy and the electric light of a space; sDA keeps its own thr
 
 from __future__ import annotations
 
+import difflib
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -35,6 +36,8 @@ Power = Annotated[float, Field(gt=0, le=1000)]
 Words = Annotated[tuple[Name, ...], Field(max_length=100)]
 MOST_NAMES = 3
 """Largest number of spaces of unknown use that a note names."""
+ALIKE = 0.7
+"""Similarity from which on a use may be meant by another word."""
 
 
 def clock_hours(hours: tuple[int, int]) -> frozenset[int]:
@@ -142,7 +145,7 @@ def with_uses(
         As `known_uses`; or a use of the case alone can be told of no space.
     """
     uses, out = known_uses(tables, source), []
-    taken, unknown, met = Counter[str](), [], set[str]()
+    taken, met, unknown = Counter[str](), set[str](), list[tuple[str, str]]()
     for space in spaces:
         name = recognised(space.use, uses) or recognised(space.name, uses)
         if name:
@@ -156,7 +159,8 @@ def with_uses(
                 power=space.power or use.power,
             )
         elif space.target is None:
-            unknown.append(space.name)
+            near = difflib.get_close_matches(space.use, list(uses), n=1, cutoff=ALIKE)
+            unknown.append((space.name, near[0] if near else ""))
         out.append(space)
     for name in tables:
         if name not in shipped_uses() and not uses[name].words and name not in met:
@@ -169,10 +173,13 @@ def with_uses(
 
 
 def _note(
-    taken: Counter[str], unknown: Sequence[str], uses: Mapping[str, UseTable],
+    taken: Counter[str], unknown: Sequence[tuple[str, str]], uses: Mapping[str, UseTable],
     period: tuple[int, int],
 ) -> str:  # fmt: skip
-    """Sentence on the uses that were recognised in so many spaces, and on spaces of none."""
+    """Sentence on the uses that were recognised in so many spaces, and on spaces of none.
+
+    The latter come with the use that may be meant.
+    """
     parts, is_cut = [], False
     for name in dict.fromkeys(taken.elements()):
         use, count = uses[name], taken[name]
@@ -180,13 +187,16 @@ def _note(
             is_cut |= not clock_hours(use.hours) <= clock_hours(period)
         hours = "" if use.hours is None else f", {use.hours[0]} to {use.hours[1]} h"
         parts.append(f"{name} {use.target:g} lx{hours} ({count} space{'s' * (count > 1)})")
-    if not parts:
+    if not parts and not any(near for _, near in unknown):
         return ""
-    note = f"spaces: targets and hours by use are {'; '.join(parts)}"
+    note = f"spaces: targets and hours by use are {'; '.join(parts) or 'none'}"
     if is_cut:
         note += f"; of these hours the period's, {period[0]} to {period[1]} h, count alone"
     if unknown:
-        names = ", ".join(map(shortened, unknown[:MOST_NAMES]))
+        names = ", ".join(
+            f"{shortened(name)} (did you mean {shortened(near)}?)" if near else shortened(name)
+            for name, near in unknown[:MOST_NAMES]
+        )
         more = f" and {len(unknown) - MOST_NAMES} more" if unknown[MOST_NAMES:] else ""
         note += f"; those of {names}{more} tell none, and take the threshold of sDA in all hours"
     return f"{note}: [spaces] and [uses] overrule them"

@@ -3,7 +3,8 @@
 Else rounding would decide which of the two a ray meets, and either room would get the other's
 reflectance. Files may state such pairs; here they are found by their geometry, also where a face
 lies along several others or on a part of one. What lies on a room's face from outside, as a shade,
-is left out there by `uncovered`.
+is left out there by `uncovered`, and so are windows that two rooms have in one place, or that look
+at the wall of another room, by `single_panes`.
 """
 
 from __future__ import annotations
@@ -22,6 +23,8 @@ UNSTATED = (
     "side for each room"
 )
 """Note on such faces."""
+COVERED = "Windows and doors that lie on those or on the wall of another room are left out there"
+"""Note on such windows."""
 PARALLEL = 1e-3
 """Largest sine of the angle between normals of faces in one plane."""
 
@@ -102,6 +105,34 @@ def uncovered(
         both = mine & _shape(plane, [covers[other - count]])
         if both.area > tolerance * both.length:
             out[one] = _wide(plane, mine - both, tolerance)
+    return out
+
+
+def single_panes(
+    panes: Sequence[Rings], walls: Sequence[Rings], tolerance: float
+) -> list[list[Rings]]:
+    """Parts of panes on which neither a wall nor a pane before them lies.
+
+    Parameters
+    ----------
+    panes, walls : sequence of Rings
+        Those of all rooms; walls have holes where their own panes are.
+    tolerance : float
+        As for `sheets_of`.
+
+    Returns
+    -------
+    list of list of Rings, by pane
+        Those that nothing covers are as they came; others keep their front.
+    """
+    out = uncovered(panes, walls, tolerance)
+    for plane, one, other in _in_one_plane(panes, tolerance):
+        theirs = _shape(plane, out[other])
+        both = theirs & _shape(plane, out[one])
+        if both.area > tolerance * both.length:
+            faces_back = area_vector(panes[other][0]) @ plane.normal < 0
+            left = _wide(plane, theirs - both, tolerance)
+            out[other] = [tuple(ring[::-1] for ring in own) for own in left] if faces_back else left
     return out
 
 

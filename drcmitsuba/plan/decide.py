@@ -16,7 +16,6 @@ from drcmitsuba.scene.components import PlacedComponent
 from drcmitsuba.scene.materials import albedo, film, lets_through
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.scene import is_coloured
-from drcmitsuba.scene.sun_visibility import outside
 from drcmitsuba.transport.mirrors.planar_mirrors import is_planar_mirror, is_rough_mirror
 
 
@@ -42,7 +41,9 @@ def ground(facts: Facts) -> Effect:
     if facts.shut:
         return Effect(False, "the room has no opening")
     if facts.surrounded:
-        return Effect(True, f"its reflectance is {reflectance:g}, and things stand outside")
+        stands = facts.outside or facts.case.standing
+        who = "things stand outside" if stands else "faces of the model look outside"
+        return Effect(True, f"its reflectance is {reflectance:g}, and {who}")
     if facts.reach is None:
         if not isinstance(facts.case.sensors, Sensors):
             return Effect(True, f"its reflectance is {reflectance:g}, and sensors may face it")
@@ -207,8 +208,7 @@ def pane_to_pane(facts: Facts) -> Effect:
 
 def obstructions(facts: Facts) -> Effect:
     """Furniture outside of the room."""
-    pieces = [piece.name for piece in outside(facts.case)]
-    pieces += [layer.name for layer in facts.case.building.layers if layer.role == "context"]
+    pieces = facts.outside
     if not pieces:
         return Effect(False, "nothing stands outside of the room")
     return Effect(

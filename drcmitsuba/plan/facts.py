@@ -53,6 +53,12 @@ class Facts:
         return not any(self.case.is_clear(name) for name in panes.used(self.case))
 
     @property
+    def outside(self) -> list[str]:
+        """Names of what stands outside of the room."""
+        context = [layer.name for layer in self.case.building.layers if layer.role == "context"]
+        return [piece.name for piece in outside(self.case)] + context
+
+    @property
     def surrounded(self) -> bool:
         """Whether anything outside may send light back."""
-        return bool(outside(self.case) or self.case.standing or self.case.building.layers)
+        return bool(self.outside or self.case.standing or self.case.building.layers)

@@ -16,9 +16,11 @@ import numpy as np
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.sensors import AnySensors
 from drcmitsuba.model.model import Model
+from drcmitsuba.model.space import space_at
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import even_numbers
+from drcmitsuba.runtime.toml import shortened
 from drcmitsuba.scene.meshes import quad_mesh
 from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 from drcmitsuba.scene.panes_of_model import panes_of_model
@@ -51,12 +53,15 @@ class Leak(NamedTuple):
     """Point near the opening in the model's frame [m], shape (3,)."""
     is_crack: bool
     """Whether the leak is so narrow, and passed by so few rays, that it may stay."""
+    space: str = ""
+    """Name of the space that most of these rays leave; empty where spaces are not known."""
 
     @property
     def words(self) -> str:
-        """Share and place in a message."""
+        """Share, place and space in a message."""
         where = ", ".join(f"{v:.2f}" for v in self.place)
-        return f"{100 * self.share:.2g} % of the rays in its rooms leave it near ({where})"
+        words = f"{100 * self.share:.2g} % of the rays in its rooms leave it near ({where})"
+        return f"{words}, most from {shortened(self.space)}" if self.space else words
 
 
 def refuse_leaks(case: Case) -> None:
@@ -102,7 +107,14 @@ def leak_of(model: Model, sensors: AnySensors, source: str, variant: str) -> Lea
         return None
     share = len(start) / among
     is_crack = share < NARROW and _wide(scene, start, ends) < MOST_WIDE
-    return Leak(share, _place(start, ends) + low, is_crack)
+    return Leak(share, _place(start, ends) + low, is_crack, _space(model, start + low))
+
+
+def _space(model: Model, points: np.ndarray) -> str:
+    """Name of the space in which most of the points lie; empty where they lie in none."""
+    at = space_at(model.spaces, points)
+    inside = at[at >= 0]
+    return model.spaces[np.bincount(inside).argmax()].name if len(inside) else ""
 
 
 def _closed(model: Model, low: np.ndarray) -> mi.Scene:

@@ -18,7 +18,14 @@ from drcmitsuba.model.model import Layer, Role
 from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.plane import Plane, Rings
 from drcmitsuba.model.polygon import NoAreaError, area_vector, quads_of
-from drcmitsuba.model.shared_walls import UNSTATED, RoomFace, sheets_of, uncovered
+from drcmitsuba.model.shared_walls import (
+    COVERED,
+    UNSTATED,
+    RoomFace,
+    sheets_of,
+    single_panes,
+    uncovered,
+)
 from drcmitsuba.model.unstated import GLASS, glass, surface_material
 
 OPEN = "Air"
@@ -179,6 +186,17 @@ class GbxmlSurfaces:
                     names = own.side, behind.side  # the front of such a part faces its own space
                 self.sorts.setdefault(names, []).append((own.place, rings))
 
+    def _uncover_panes(self) -> None:
+        """Leave out parts of panes that lie on panes or surfaces of other spaces."""
+        panes = [(name, *pane) for name, pieces in self.panes.items() for pane in pieces]
+        walls = [rings for names, own in self.sorts.items() if names != SHADES for _, rings in own]
+        parts = single_panes([rings for _, _, rings in panes], walls, TOUCHING)
+        self.panes = {name: [] for name in self.panes}
+        for (name, place, rings), left in zip(panes, parts, strict=True):
+            if len(left) != 1 or left[0] is not rings:
+                self.notes.add(COVERED, place)
+            self.panes[name] += [(place, own) for own in left]
+
     def _uncover_shades(self) -> None:
         """Leave out parts of shades that lie on surfaces of spaces, whose rooms would see them."""
         shades = self.sorts.pop(SHADES, [])
@@ -192,6 +210,7 @@ class GbxmlSurfaces:
     def layers(self) -> Iterator[Layer]:
         """Layers of the surfaces, then of the windows."""
         self._sort_alone()
+        self._uncover_panes()
         self._uncover_shades()
         for (front, back), pieces in self.sorts.items():
             quads, polygon, places = self._quads(pieces)

@@ -14,7 +14,14 @@ from drcmitsuba.model.honeybee.modifiers import Modifiers
 from drcmitsuba.model.honeybee.overlap import Overlap
 from drcmitsuba.model.model import Role
 from drcmitsuba.model.plane import Plane
-from drcmitsuba.model.shared_walls import UNSTATED, RoomFace, sheets_of, uncovered
+from drcmitsuba.model.shared_walls import (
+    COVERED,
+    UNSTATED,
+    RoomFace,
+    sheets_of,
+    single_panes,
+    uncovered,
+)
 
 FAMILIES = {"Wall": "wall_set", "Floor": "floor_set", "RoofCeiling": "roof_ceiling_set"}
 """Key in a modifier set of each type of face that is a surface."""
@@ -72,7 +79,7 @@ class Walk:
 
         Parts of context that lie on faces and panes of rooms are left out: rooms would see them.
         """
-        every = list(self._pieces())
+        every = self._with_single_panes(list(self._pieces()))
         covers = [piece.rings for piece in every if piece.source.text("type") in OF_ROOMS]
         context = [piece for piece in every if piece.role == "context"]
         parts = iter(uncovered([piece.rings for piece in context], covers, self.tolerance))
@@ -81,6 +88,28 @@ class Walk:
             for piece in every
             for rings in (next(parts) if piece.role == "context" else (piece.rings,))
         ]
+
+    def _with_single_panes(self, every: list[Piece]) -> list[Piece]:
+        """Polygons without the parts of panes that a pane or the face of another room covers."""
+        keys = ("orphaned_faces", "orphaned_apertures", "orphaned_doors")
+        orphans = {each.identifier() for key in keys for each in self.model.entries(key)}
+
+        def is_in_room(piece: Piece, *kinds: str) -> bool:
+            source = piece.source
+            return source.text("type") in kinds and source.identifier() not in orphans
+
+        walls = [piece.rings for piece in every if is_in_room(piece, "Face")]
+        panes = [piece for piece in every if is_in_room(piece, "Aperture", "Door")]
+        parts = iter(single_panes([piece.rings for piece in panes], walls, self.tolerance))
+        out = []
+        for piece in every:
+            own = next(parts) if is_in_room(piece, "Aperture", "Door") else [piece.rings]
+            if len(own) == 1 and own[0] is piece.rings:
+                out.append(piece)
+                continue
+            self.modifiers.notes.add(COVERED, piece.source.place)
+            out += [replace(piece, rings=rings) for rings in own]
+        return out
 
     def _pieces(self) -> Iterator[Piece]:
         touching = self._touching()

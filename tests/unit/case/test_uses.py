@@ -183,6 +183,12 @@ def test_a_use_of_the_case_that_no_space_can_have_is_refused():
     with_uses([Space("west", (), use="offce")], {"offce": UseTable(target=300)}, "case.toml")
 
 
+def test_a_use_that_is_nearly_a_known_one_is_told():
+    _, note = with_uses([space("west", "offce"), space("hall", "lobby")], {}, "case.toml")
+    assert 'those of "west" (did you mean "office"?) tell none' in note
+    assert 'did you mean "office"?' in with_uses([space("west", "offce")], {}, "case.toml")[1]
+
+
 def test_hours_that_the_period_cuts_off_are_told():
     spaces = [Space("west", (), use="office")]
     _, cut = with_uses(spaces, {}, "case.toml", (8, 18))

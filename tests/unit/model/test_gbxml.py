@@ -216,6 +216,23 @@ def test_surfaces_in_one_place_are_one_with_a_side_for_each_space(tmp_path):
     assert not any("in one place" in note for note in one.notes)
 
 
+def test_windows_of_two_spaces_in_one_place_are_one(tmp_path):
+    """Walls between a and b that the file states twice, each with the window."""
+    parts = house.surfaces(without=("between",))
+    hole = house.rect(0, 4, (1, 1), (3, 2))
+    for room, ring, corners in (
+        ("a", house.rect(0, 4, (0, 0), (5, 3)), hole),
+        ("b", house.rect(0, 4, (0, 0), (5, 3))[::-1], hole[::-1]),
+    ):
+        glass = house.opening(f"window {room}", corners)
+        parts[f"wall {room}"] = house.surface(f"wall {room}", "ExteriorWall", ring, [room], glass)
+    model = gbxml.read(house.written(tmp_path, house.text(parts.values())))
+    panes = next(layer for layer in model.layers if layer.role == "pane")
+    assert areas(panes.quads).sum() == pytest.approx(2 + 2)
+    assert "Opening window b" not in {panes.place(k) for k in range(len(panes.quads))}
+    assert any("Opening window b" in note for note in model.notes)
+
+
 def test_a_space_whose_floor_is_missing_has_the_one_that_closes_it(tmp_path):
     parts = house.surfaces(without=("floor a",)).values()
     model = gbxml.read(house.written(tmp_path, house.text(parts)))

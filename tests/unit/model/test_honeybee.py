@@ -230,6 +230,34 @@ def test_a_slab_is_the_ceiling_of_one_room_and_the_floor_of_another(tmp_path):
     assert slab.material.sides == (0.8, 0.35)
 
 
+def test_windows_in_one_place_count_once_where_the_file_does_not_say_so(tmp_path):
+    """Light passed two panes where the file stated no adjacency, and one where it did."""
+    first, second = two_rooms()
+    for face in (first["faces"][2], second["faces"][4]):
+        for each in (face, *face["apertures"], *face["doors"]):
+            each["boundary_condition"] = {"type": "Outdoors"}
+    model = read(tmp_path, first, second)
+    panes = [layer for layer in model.layers if layer.role == "pane"]
+    places = [layer.place(k) for layer in panes for k in range(len(layer.quads))]
+    assert sorted(places) == [
+        "Aperture A_Glass",
+        "Aperture A_Window",
+        "Aperture B_Window",
+        "Door A_Door",
+    ]
+    assert any("Aperture B_Glass, Door B_Door" in note for note in model.notes)
+    closed, _ = two_rooms()  # the wall of the other room has no opening
+    closed["faces"][2]["boundary_condition"] = {"type": "Outdoors"}
+    for each in (*closed["faces"][2]["apertures"], *closed["faces"][2]["doors"]):
+        each["boundary_condition"] = {"type": "Outdoors"}
+    second["faces"][4] |= {"apertures": [], "doors": []}
+    model = read(tmp_path, closed, second)
+    panes = [layer for layer in model.layers if layer.role == "pane"]
+    assert {layer.place(k) for layer in panes for k in range(len(layer.quads))} == {
+        "Aperture A_Window", "Aperture B_Window",
+    }  # fmt: skip
+
+
 @pytest.mark.parametrize("names", ["AB", "BA"])
 def test_of_touching_walls_of_two_sizes_each_stands_where_it_is(tmp_path, names):
     """A room whose wall was longer than the one that touches it was open where that ended."""

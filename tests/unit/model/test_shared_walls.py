@@ -6,7 +6,7 @@ import shapely
 
 from drcmitsuba.model.plane import Plane
 from drcmitsuba.model.polygon import area_vector
-from drcmitsuba.model.shared_walls import RoomFace, sheets_of, uncovered
+from drcmitsuba.model.shared_walls import RoomFace, sheets_of, single_panes, uncovered
 
 TOLERANCE = 0.01
 
@@ -107,3 +107,24 @@ def test_what_lies_on_others_is_left_out_there():
     assert all(area(rings)[1] for rings in cut)
     assert whole[0] is apart
     assert uncovered([shade], [(wall((0, 9), 2, -1),)], TOLERANCE) == [[]]
+
+
+def test_windows_of_two_rooms_in_one_place_are_one():
+    """The second pane is 1 m further and 0.5 m higher: its part beyond the first one stays."""
+    first, second = (wall((1, 3), 2, 1, (1, 2)),), (wall((2, 4), 2.004, -1, (1, 2.5)),)
+    kept, parts = single_panes([first, second], [], TOLERANCE)
+    assert kept == [first]
+    assert sum(area(rings)[0] for rings in parts) == pytest.approx(3 - 1)
+    assert not any(area(rings)[1] for rings in parts)
+    assert single_panes([first, first], [], TOLERANCE)[1] == []
+    beside = (wall((3, 4), 2, -1, (1, 2)),)
+    assert single_panes([first, beside], [], TOLERANCE) == [[first], [beside]]
+
+
+def test_a_window_that_looks_at_a_wall_is_left_out_there():
+    """Its own wall has a hole where it is; the other room's wall ends in the middle of it."""
+    pane = wall((1, 3), 2, 1, (1, 2))
+    own = (wall((0, 4), 2, 1), pane)
+    assert single_panes([(pane,)], [own], TOLERANCE) == [[(pane,)]]
+    [left] = single_panes([(pane,)], [own, (wall((2, 6), 2, -1),)], TOLERANCE)
+    assert [area(rings) for rings in left] == [(pytest.approx(1.0), True)]

@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 
 from drcmitsuba.model.materials import Lambertian
 from drcmitsuba.model.model import SensorGrid
+from drcmitsuba.model.space import Space, SpaceFloor
 from drcmitsuba.plan import notes
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
@@ -132,6 +134,17 @@ def test_a_crack_is_noted_and_a_hole_refused():
     for hole in (slit(0.2), corner, np.array([[1, 2, 3], [1.3, 2, 3], [1.3, 2.3, 3], [1, 2.3, 3]])):
         with pytest.raises(InputError, match="leave it near"):
             refuse_leaks(room(hole=hole))
+
+
+def test_a_leak_names_its_space():
+    case = room(hole=slit(0.2))
+    spaces = tuple(
+        Space(name, (SpaceFloor(0.0, shapely.box(x, 0, x + 4, 6)),), 3.0)
+        for name, x in (("east", 4.0), ("west", 0.0))
+    )
+    case._building = replace(case.building, spaces=spaces)
+    with pytest.raises(InputError, match='leave it near .* most from "west"'):
+        refuse_leaks(case)
 
 
 def test_two_panes_with_a_gap_are_a_window():
