@@ -143,7 +143,7 @@ def test_a_leak_names_its_space():
         for name, x in (("east", 4.0), ("west", 0.0))
     )
     case._building = replace(case.building, spaces=spaces)
-    with pytest.raises(InputError, match='leave it near .* most from "west"'):
+    with pytest.raises(InputError, match=r'leave it near .* most from "west"'):
         refuse_leaks(case)
 
 
