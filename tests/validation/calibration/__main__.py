@@ -11,7 +11,7 @@ from pathlib import Path
 import mitsuba as mi
 
 from drcmitsuba.runtime import backend
-from tests.validation.calibration.comparison import Coverage, coverage
+from tests.validation.calibration.comparison import PLACES, Coverage
 from tests.validation.calibration.rooms import ROOMS
 
 PAGE = Path(__file__).parents[3] / "docs" / "validation" / "calibration.md"
@@ -25,8 +25,9 @@ Intervals of single sensors and eyes against the path tracer `coefficient`, {see
 {today} ({platform.machine()}, variant `{mi.variant()}`), by quarters of brightness. An entry is the
 sky's interreflected light or that of one of thirty suns at one sensor, or DGP of one view at one
 hour. *Held* is the share of 95 % intervals that hold the path tracer's value, with its standard
-error over the seeds (entries of a seed share their noise, most of all those of an eye), *bias* the
-mean of all seeds over it, *stated* the median standard error of one entry of one seed.
+error over the seeds (entries of a seed share their noise, most of all those of an eye) and over the
+runs of the path tracer, *bias* the mean of all seeds over it, *stated* the median standard error of
+one entry of one seed.
 `python -m tests.validation.calibration` writes this page; `tests/validation/calibration` says how
 the figures come about."""
     heads = "| room | light | | darkest | second | third | brightest |"
@@ -47,15 +48,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rooms", default=",".join(ROOMS))
     parser.add_argument("--seeds", type=int, default=30)
+    parser.add_argument("--at", default=",".join(PLACES), help="sensors, eyes, or both")
     asked = parser.parse_args()
     backend.select()
     rooms = {}
     for name in asked.rooms.split(","):
         start = time.perf_counter()
-        rooms[name] = coverage(ROOMS[name](), asked.seeds)
+        room = ROOMS[name]()
+        rooms[name] = [row for at in asked.at.split(",") for row in PLACES[at](room, asked.seeds)]
         print(table({name: rooms[name]}, asked.seeds).split("|---" * 7 + "|\n")[1], end="")
         print(f"{time.perf_counter() - start:.0f} s", flush=True)
-    if set(rooms) == set(ROOMS):
+    if set(rooms) == set(ROOMS) and asked.at == ",".join(PLACES):
         PAGE.write_text(table(rooms, asked.seeds), encoding="utf-8")
 
 

@@ -30,8 +30,11 @@ from tests.validation.calibration.rooms import WIDE, Room
 
 CHUNKS = 16
 """Number of independent runs of the path tracer."""
-AT_EYES = 1 << 16
-"""Number of paths from an eye in each run of the path tracer: its own error is smaller."""
+AT_EYES, SKY_AT_EYES = 1 << 16, 1 << 18
+"""Number of paths from an eye in each run of the path tracer, and of those to the sky alone, which
+cost little and give most of the light: the tracer's own error is smaller than ours."""
+RESAMPLED = 100
+"""Number of draws from the runs of the path tracer, for its part in the error of a coverage."""
 FAINT = 1e-3
 EFFECTS = EnabledEffects(solved_cells=True, pane_to_pane=False)
 PATCHES, BINS = slice(1, 146), 146
@@ -54,7 +57,8 @@ class Coverage:
     covered: float
     """Share of entries whose interval holds the truth."""
     covered_error: float
-    """Standard error of that share over the seeds: entries of one seed share their noise."""
+    """Standard error of that share: over the seeds, since entries of one seed share their noise,
+    and over the runs of the path tracer, whose noise all seeds share."""
     stated: float
     """Median standard error over the truth."""
 
@@ -77,18 +81,19 @@ def by_paths(
 
 
 def _of_scene(
-    case: Case, suns: Suns, points: np.ndarray, normals: np.ndarray, spp: int, mirror: str = ""
-) -> np.ndarray:
+    case: Case, suns: Suns | None, points: np.ndarray, normals: np.ndarray, spp: int,
+    mirror: str = "",
+) -> np.ndarray:  # fmt: skip
     """Coefficients of a case, in which suns shine by images through a part that is a mirror."""
-    sources = {
-        "sky": {"type": "tregenza_sky"},
-        "suns": {
-            "type": "sun_disks", "diameter": suns.diameter,
-            "directions": mi.TensorXf(suns.directions.astype(np.float32)),
-        },
-    }  # fmt: skip
-    # Where disks are found by chance alone, rays to all of them are of no use.
-    each = 4 if suns.diameter == WIDE else len(suns.labels)
+    sources: dict[str, dict] = {"sky": {"type": "tregenza_sky"}}
+    each = 1
+    if suns is not None:
+        directions = mi.TensorXf(suns.directions.astype(np.float32))
+        sources["suns"] = {
+            "type": "sun_disks", "diameter": suns.diameter, "directions": directions,
+        }  # fmt: skip
+        # Where disks are found by chance alone, rays to all of them are of no use.
+        each = 4 if suns.diameter == WIDE else len(suns.labels)
     integrator = mi.load_dict({"type": "coefficient", "suns_per_vertex": each})
     by_channel = []
     for channel in scene.channels_of(case, EFFECTS):
@@ -149,9 +154,9 @@ def of_eyes(room: Room, seeds: int) -> list[Coverage]:
         outside = room.case.outside.model_copy(update={"sun_diameter": room.diameter})
         case = room.case.with_tables(period=period, outside=outside)
         light, looking, rule = daylight(case), eyes(case, room.places), Rule()
-        C = by_paths(
-            room, light.suns, looking.points, looking.forward, AT_EYES
-        ).sum(axis=1)  # fmt: skip
+        at = looking.points, looking.forward
+        C = by_paths(room, light.suns, *at, AT_EYES).sum(axis=1)
+        C[..., :BINS] = _of_scene(room.case, None, *at, SKY_AT_EYES).sum(axis=1)
         weights = np.array(list(LUMINANCE_WEIGHTS.values())) if C.shape[1] > 1 else np.ones(1)
         by_bin = light.sky["sky"].transpose("time", "bin").values
         L = np.zeros((len(by_bin), C.shape[-1]))
@@ -178,25 +183,32 @@ def of_eyes(room: Room, seeds: int) -> list[Coverage]:
     ]
 
 
-def coverage(room: Room, seeds: int) -> list[Coverage]:
-    """Coverage by kind of light and quarter of brightness, the darkest first."""
-    return of_sensors(room, seeds) + of_eyes(room, seeds)
+PLACES = {"sensors": of_sensors, "eyes": of_eyes}
+"""Coverage by kind of light and quarter of brightness, the darkest first, by where it is known."""
 
 
 def quarter(light: str, number: int, ours: np.ndarray, theirs: np.ndarray) -> Coverage:
     """Coverage of (seed, replicate, place, entry) against (chunk, place, entry)."""
-    mean, error = theirs.mean(axis=0), theirs.std(axis=0, ddof=1) / np.sqrt(len(theirs))
+    error = theirs.std(axis=0, ddof=1) / np.sqrt(len(theirs))
     replicates = ours.shape[1]
     value = ours.mean(axis=1)
     stated = ours.std(axis=1, ddof=1) / np.sqrt(replicates)
     factor = student.isf(0.025, replicates - 1)
-    held = np.abs(value - mean) <= factor * np.hypot(stated, error)
-    lit = mean > FAINT * mean.max()
-    share = held[:, lit].mean(axis=1)
+    lit = (mean := theirs.mean(axis=0)) > FAINT * mean.max()
+
+    def shares(truth: np.ndarray) -> np.ndarray:
+        held = np.abs(value - truth) <= factor * np.hypot(stated, error)
+        return held[:, lit].mean(axis=1)
+
+    share = shares(mean)
+    rng = np.random.default_rng(0)
+    runs = rng.integers(len(theirs), size=(RESAMPLED, len(theirs)))
+    by_reference = [shares(theirs[some].mean(axis=0)).mean() for some in runs]
+    share_error = np.hypot(share.std(ddof=1) / np.sqrt(len(share)), np.std(by_reference))
     sums, whole = value.sum(axis=(1, 2)), theirs.sum(axis=(1, 2))
     noise = np.hypot(sums.std(ddof=1) / np.sqrt(len(sums)), whole.std(ddof=1) / np.sqrt(len(whole)))
     return Coverage(
         light, number, float(sums.mean() / whole.mean() - 1), float(noise / whole.mean()),
-        float(share.mean()), float(share.std(ddof=1) / np.sqrt(len(share))),
+        float(share.mean()), float(share_error),
         float(np.median((stated / mean)[:, lit])),
     )  # fmt: skip
