@@ -156,6 +156,8 @@ class Evidence:
         """
         folder = Path(folder)
         path = folder / "illuminance.nc"
+        if not path.exists():
+            raise InputError(folder, "results", *_without_illuminance(folder))
         E = open_dataset(path, *(n + s for n in OF_E for s in ("", "_se")), "time", *"xyz")
         unused = [n for n in E.data_vars if str(n).removesuffix("_se") not in (*OF_E, "sun_group")]
         E = loaded(path, E.drop_vars(unused))  # coordinates stay, the states of groups among them
@@ -216,3 +218,13 @@ def _year(path: Path, sky: xr.Dataset) -> xr.Dataset | None:
         got = "it is of another evaluation than sky.zarr"
         raise InputError(path, "time, sun", got, "evaluate the case again")
     return year
+
+
+def _without_illuminance(folder: Path) -> tuple[str, str]:
+    """Why a folder has no E, and what to do."""
+    if (folder / "sensors.nc").exists():
+        got = "E was not kept, only its metrics"
+        return got, 'evaluate with illuminance = "all" in [output]'
+    other = next((n for n in ("glare.json", "plan.json") if (folder / n).exists()), "")
+    got = f"{other}, but no illuminance.nc" if other else "no illuminance.nc"
+    return got, "give a folder of drcmitsuba evaluate -o"

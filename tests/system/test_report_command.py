@@ -179,7 +179,11 @@ def test_names_of_strangers_are_text(run, copied, tmp_path):
 
 def test_bad_input_ends_in_one_line(refused, results, copied, tmp_path):
     assert "no such folder" in refused("report", tmp_path / "none")
-    assert "no such file" in refused("report", tmp_path)
+    assert "no illuminance.nc; give a folder of drcmitsuba evaluate" in refused("report", tmp_path)
+    for name, said in (("glare.json", "glare.json, but no"), ("sensors.nc", "E was not kept")):
+        (tmp_path / "other").mkdir(exist_ok=True)
+        (tmp_path / "other" / name).touch()
+        assert said in refused("report", tmp_path / "other")
     assert "name a file" in refused("report", copied, "-o", tmp_path / "r.pdf")
     assert "give one of them" in refused("report", copied, "--csv", "--markdown")
     assert "give 1 to" in refused("report", *[copied] * 13)

@@ -28,6 +28,8 @@ LARGEST_PLAN = 1 << 20
 """Largest `plan.json` that is read [bytes]."""
 MOST_EFFECTS = 60
 """Largest number of effects that are shown."""
+EVALUATE = "give a folder of drcmitsuba evaluate -o"
+"""Advice on folders that hold no evaluation."""
 OF_METRICS = ("metrics", "variant", "notes")
 """Settings in which metrics.json may differ from the illuminance: thresholds are chosen anew."""
 
@@ -86,7 +88,7 @@ class EvaluatedFacade:
         folder = Path(folder)
         if not folder.is_dir():
             got = "no such folder"
-            raise InputError(folder, "results", got, "give a folder of drcmitsuba evaluate -o")
+            raise InputError(folder, "results", got, EVALUATE)
         evidence = Evidence.of_folder(folder)
         path = folder / "metrics.json"
         numbers = read_numbers(path, evidence.illuminance.sizes["sensor"])

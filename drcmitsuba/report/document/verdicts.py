@@ -13,6 +13,8 @@ from drcmitsuba.standards.standard import Standard
 from drcmitsuba.standards.verdict import Margin, Outcome, likelihood
 
 YES, NO, OPEN = "✓ ", "✗ ", "? "
+MANY = 4
+"""Number of standards from which on those without a verdict for one reason share a row."""
 
 
 @dataclass(frozen=True)
@@ -27,13 +29,23 @@ class Judgement:
 
 
 def overview(facades: list[EvaluatedFacade], names: list[str]) -> PageTable:
-    """Table with a row for each standard and a column for each façade."""
+    """Table with a row for each standard and a column for each façade.
+
+    Many standards that cannot be judged for the same reason have one row together.
+    """
     t = labels()
     rows = []
     by_standard = list(zip(*(f.verdicts for f in facades), strict=True))
+    alike: dict[tuple[Cell, ...], list[str]] = {}
     for verdicts in sorted(by_standard, key=lambda each: not any(map(_is_decided, each))):
-        title = _title(verdicts[0])
-        rows.append((plain(title), *(_short(verdict) for verdict in verdicts)))
+        title, short = _title(verdicts[0]), tuple(map(_short, verdicts))
+        if all(isinstance(verdict, Refusal) for verdict in verdicts):
+            alike.setdefault(short, []).append(title)
+        else:
+            rows.append((plain(title), *short))
+    for short, titles in alike.items():
+        shown = titles if len(titles) < MANY else [t["standards_alike"].format(count=len(titles))]
+        rows += [(plain(title), *short) for title in shown]
     judged = [each for verdicts in by_standard for each in verdicts]
     own = any(isinstance(each, Verdict) and each.taken for each in judged)
     note = t["verdicts_note"] + (f" {t['verdicts_hours']}" if own else "")
