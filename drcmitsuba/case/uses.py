@@ -145,13 +145,13 @@ def with_uses(
         As `known_uses`; or a use of the case alone can be told of no space.
     """
     uses, out = known_uses(tables, source), []
-    taken, met, unknown = Counter[str](), set[str](), list[tuple[str, str]]()
+    taken, met, unknown = Counter[tuple[str, bool]](), set[str](), list[tuple[str, str]]()
     for space in spaces:
         name = recognised(space.use, uses) or recognised(space.name, uses)
         if name:
             use = uses[name]
             met.add(name)
-            taken[name] += space.target is None
+            taken[name, space.hours is None] += space.target is None
             space = replace(
                 space,
                 target=space.target or use.target,
@@ -173,19 +173,19 @@ def with_uses(
 
 
 def _note(
-    taken: Counter[str], unknown: Sequence[tuple[str, str]], uses: Mapping[str, UseTable],
-    period: tuple[int, int],
+    taken: Counter[tuple[str, bool]], unknown: Sequence[tuple[str, str]],
+    uses: Mapping[str, UseTable], period: tuple[int, int],
 ) -> str:  # fmt: skip
     """Sentence on the uses that were recognised in so many spaces, and on spaces of none.
 
-    The latter come with the use that may be meant.
+    Uses come with whether their hours are taken, spaces of none with the use that may be meant.
     """
     parts, is_cut = [], False
-    for name in dict.fromkeys(taken.elements()):
-        use, count = uses[name], taken[name]
-        if use.hours is not None:
+    for (name, takes_hours), count in (+taken).items():
+        use, hours = uses[name], ""
+        if takes_hours and use.hours is not None:
             is_cut |= not clock_hours(use.hours) <= clock_hours(period)
-        hours = "" if use.hours is None else f", {use.hours[0]} to {use.hours[1]} h"
+            hours = f", {use.hours[0]} to {use.hours[1]} h"
         parts.append(f"{name} {use.target:g} lx{hours} ({count} space{'s' * (count > 1)})")
     if not parts and not any(near for _, near in unknown):
         return ""

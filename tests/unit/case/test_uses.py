@@ -88,7 +88,7 @@ def test_spaces_take_what_they_do_not_state():
     assert [(s.target, s.hours, s.power) for s in told] == [
         (500, (7, 18), 6.0), (200, (7, 18), 6.0), (500, (9, 12), None), (None, None, None),
     ]  # fmt: skip
-    assert "office 500 lx, 7 to 18 h (1 space); meeting room 500 lx" in note
+    assert "office 500 lx, 7 to 18 h (1 space); meeting room 500 lx (1 space); those" in note
     assert 'those of "attic" tell none' in note
     assert with_uses([space("attic")], {}, "case")[1] == ""
 
