@@ -15,7 +15,6 @@ from drcmitsuba.scene.daylit import darkness_notes
 from drcmitsuba.scene.leaks import crack_notes
 from drcmitsuba.scene.materials import film
 from drcmitsuba.scene.prepared_case import prepared
-from drcmitsuba.scene.sensors import placed_sensors
 
 MOST_LOST = 1e-3
 """Part of the photons' flux that may be lost without a note."""
@@ -73,7 +72,7 @@ def notes(case: Case) -> list[str]:
     """Notes on the model, on the shade, and on films whose BSDF was scaled down."""
     of_groups = notes_on_groups(case.building, case.groups)
     remarks = [*case.building.notes, *of_groups, *shade_notes(case)]
-    remarks += [*placed_sensors(case).notes, *crack_notes(case), *darkness_notes(case)]
+    remarks += [*prepared(case).sensors.notes, *crack_notes(case), *darkness_notes(case)]
     remarks += _target_notes(case)
     for name, material in panes.of(case, BsdfMaterial).items():
         measured = film(material.file)
