@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from drcmitsuba.annual.attributes import attributes
 from drcmitsuba.annual.choice import ChosenFills
 from drcmitsuba.annual.moving_groups import MovingGroups, moving_groups
 from drcmitsuba.annual.simulation import joined_channels
@@ -18,14 +17,17 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, GroupStates, State
 from drcmitsuba.runtime.content_key import content_key
+from drcmitsuba.runtime.machine_memory import of_machine
 from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.pane_groups import Member, PaneGroups
 from drcmitsuba.scene.prepared_case import prepared
+from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.elements import LightByElement, compute
+from drcmitsuba.transport.elements.known_year import KnownYear
 from drcmitsuba.transport.elements.simulate import MOST_BYTES
 
 
@@ -49,6 +51,27 @@ def light_of_channels(
 
 
 @dataclass(frozen=True, eq=False)
+class KnownLight:
+    """Light by element in a case's daylight, which all of its façades share."""
+
+    years: tuple[KnownYear, ...]
+    """Illuminances by element of the case's own time stamps, of every colour channel."""
+    suns: np.ndarray
+    """Suns that shine in the whole year, positions among all bins, int, shape (sun,)."""
+
+    @classmethod
+    def of(cls, channels: tuple[LightByElement, ...], daylight: Daylight) -> KnownLight | None:
+        """Sum the light of every element hour by hour; None where memory does not hold it."""
+        light, hours = channels[0], daylight.sky.sizes["time"]
+        size = sum(each.nbytes + KnownYear.nbytes(each, hours) for each in channels)
+        if size > min(MOST_BYTES, of_machine()):
+            return None
+        L, every = (luminances_of(one, light.labels) for one in (daylight, daylight.every))
+        suns = light.sky_bins + np.flatnonzero(every[:, light.sky_bins :].getnnz(axis=0))
+        return cls(tuple(KnownYear.of(each, L) for each in channels), suns)
+
+
+@dataclass(frozen=True, eq=False)
 class ChosenFacade:
     """A façade of known elements: a `StateSource` of the states that its groups take."""
 
@@ -60,21 +83,27 @@ class ChosenFacade:
     moving: MovingGroups
     attributes: dict[str, Any]
     """Attributes of C: origin, groups, rule and schedules."""
+    light: KnownLight | None = None
+    """Light in the case's daylight, where it is known."""
 
     @classmethod
     def of(
         cls, case: Case, panes: PaneGroups, channels: tuple[LightByElement, ...],
-        daylight: Daylight, effects: EnabledEffects, chosen: ChosenFills,
+        marked: Mapping[str, Any], time: xr.DataArray, chosen: ChosenFills,
         drawn: Mapping[int, np.ndarray], members: Mapping[int, Member] | None = None,
+        light: KnownLight | None = None,
     ) -> ChosenFacade:  # fmt: skip
-        """Put a choice on a case; arguments as for `moving_groups`."""
+        """Put a choice on a case, whose C has the attributes `marked`.
+
+        Other arguments are as for `moving_groups`.
+        """
         starts = panes.states.starts
         still = np.zeros(starts[-1], np.float32)
         still[list(starts[:-1])] = 1
         for g, row in {**drawn, **chosen.constant}.items():
             still[starts[g] : starts[g + 1]] = row
-        moving = moving_groups(case, panes, chosen, drawn, daylight.sky["time"], members)
-        marked = attributes(case, daylight, effects)
+        moving = moving_groups(case, panes, chosen, drawn, time, members)
+        marked = dict(marked)
         for name in ("groups", "schedule", "shade_threshold", "shade_area"):
             marked.pop(name, None)
         marked["has_shade"] = int(bool(moving.groups))
@@ -84,7 +113,7 @@ class ChosenFacade:
             marked |= moving.states.attributes() | moving.schedule.attributes()
         tables = [group.parts for group in moving.groups]
         marked["fingerprint"] = str(content_key(marked["fingerprint"], still, tables))
-        return cls(case, panes.states, channels, still, moving, marked)
+        return cls(case, panes.states, channels, still, moving, marked, light)
 
     def shares(self, indices: np.ndarray) -> np.ndarray:
         """Shares of all elements (…, element), from the state of every group (…, group)."""
@@ -92,38 +121,87 @@ class ChosenFacade:
 
     def state(self, state: State, labels: np.ndarray | None, progress: Progress) -> xr.Dataset:
         """C [sr] of a state for all suns; see `StateSource`."""
-        indices = np.array(self.moving.states.indices(state), int)
-        shares = self.shares(indices)
+        shares = self._shares_of(state)
         C = joined_channels([light.coefficients(shares) for light in self.channels])
-        C = C.assign_coords(prepared(self.case).receivers.coordinates.coords)
+        C = self._with_sensors(C)
         progress(1)
         return self._with_group_of_sun(C, shares) if state == OPEN else C
 
-    def year(self, daylight: Daylight, indices: np.ndarray, progress: Progress) -> xr.Dataset:
+    def straight(self, suns: np.ndarray) -> xr.Dataset:
+        """Straight part of C of the open state [sr], of some suns (sun,), positions among bins."""
+        shares, channels = self._shares_of(OPEN), []
+        labels = np.array(self.channels[0].labels, dtype=object)[suns]
+        for each in self.channels:
+            both = zip(("straight", "straight_se"), each.straight(shares, suns), strict=True)
+            arrays = {name: (("sensor", "bin"), values.T) for name, values in both}
+            channels.append(xr.Dataset(arrays, {"bin": labels}))
+        C = self._with_sensors(joined_channels(channels))
+        return self._with_group_of_sun(C, shares, suns)
+
+    def known(
+        self, daylight: Daylight, state: State, hours: np.ndarray | None = None
+    ) -> xr.Dataset:
+        """`illuminance` [lx] of a state at all or some time stamps, where the `light` is known."""
+        assert self.light is not None
+        shares, time = self._shares_of(state), daylight.sky["time"].values
+        channels = [year.illuminance(shares, hours) for year in self.light.years]
+        E = _by_channel(channels, time if hours is None else time[hours])
+        return self._with_sensors(xr.Dataset({"illuminance": E}, attrs=self.attributes))
+
+    def year(
+        self, daylight: Daylight, indices: np.ndarray, progress: Progress = lambda share: None
+    ) -> xr.Dataset:
         """`illuminance` [lx] of a year; see `StateSource`."""
         return xr.Dataset({"illuminance": self.illuminance(daylight, self.shares(indices))})
 
     def illuminance(self, daylight: Daylight, shares: np.ndarray) -> xr.DataArray:
         """E (replicate, time, sensor) [lx] of shares (time, element), by channel where coloured."""
+        if self.light is not None:
+            known = [year.illuminance(shares) for year in self.light.years]
+            return _by_channel(known, daylight.sky["time"].values)
         L = luminances_of(daylight, self.channels[0].labels)
         years = [light.illuminance(L, shares) for light in self.channels]
         return replicates_of(daylight, years, self.channels[0].replicates)
 
-    def _with_group_of_sun(self, C: xr.Dataset, shares: np.ndarray) -> xr.Dataset:
-        """Add `pane_group` (sensor, bin), by which most of a sun comes straight, −1 for none."""
+    def _shares_of(self, state: State) -> np.ndarray:
+        """Shares of all elements (element,) in a state of the groups."""
+        return self.shares(np.array(self.moving.states.indices(state), int))
+
+    def _with_sensors(self, data: xr.Dataset) -> xr.Dataset:
+        """Arrays with the coordinates of the sensors."""
+        return data.assign_coords(prepared(self.case).receivers.coordinates.coords)
+
+    def _with_group_of_sun(
+        self, C: xr.Dataset, shares: np.ndarray, bins: np.ndarray | None = None
+    ) -> xr.Dataset:
+        """Add `pane_group` (sensor, bin), by which most of a sun comes straight, −1 for none.
+
+        `bins` are the positions of the bins of C among all of them, where these are some.
+        """
         groups, starts = self.moving.states, self.openings.starts
         if not self.moving.groups or len(groups) < 2:
             return C
         light = self.channels[1 if len(self.channels) > 1 else 0]  # green stands for all colours
-        out = np.full((C.sizes["sensor"], C.sizes["bin"]), -1, np.float32)
+        bins = np.arange(len(light.labels)) if bins is None else bins
+        out = np.full((C.sizes["sensor"], len(bins)), -1, np.float32)
         most = np.zeros(out.shape, np.float32)
         group = np.repeat(list(map(self.moving.number_of, range(len(starts) - 1))), np.diff(starts))
         for k in range(len(groups)):
             straight = np.zeros_like(most)
             for e in np.flatnonzero((group == k) & (shares != 0)):
                 own = light.elements[e]
-                straight[:, own.bins] += shares[e] * own.straight.mean(axis=0).T
+                _, here, there = np.intersect1d(bins, own.bins[own.seen], return_indices=True)
+                straight[:, here] += shares[e] * own.straight[:, own.seen[there]].mean(axis=0).T
             out[straight > most] = k
             most = np.maximum(most, straight)
-        out[:, : light.sky_bins] = -1  # a sun alone closes a group
+        out[:, bins < light.sky_bins] = -1  # a sun alone closes a group
         return C.assign(pane_group=(("sensor", "bin"), out))
+
+
+def _by_channel(channels: list[np.ndarray], time: np.ndarray) -> xr.DataArray:
+    """E (replicate, time, sensor) [lx] of all channels, with a dim where the case is coloured."""
+    dims = ("replicate", "time", "sensor")
+    if len(channels) == 1:
+        return xr.DataArray(channels[0], {"time": time}, dims)
+    names = np.array(list(LUMINANCE_WEIGHTS), dtype=object)
+    return xr.DataArray(np.stack(channels), {"channel": names, "time": time}, ("channel", *dims))

@@ -11,16 +11,19 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from drcmitsuba.annual.attributes import attributes
 from drcmitsuba.annual.choice import Choice, ChosenFills
-from drcmitsuba.annual.chosen_facade import ChosenFacade, light_of_channels
+from drcmitsuba.annual.chosen_facade import ChosenFacade, KnownLight, light_of_channels
+from drcmitsuba.annual.recombined_year import recombined_year, with_sources
 from drcmitsuba.annual.result import Result, summed_up
 from drcmitsuba.annual.run import Run
-from drcmitsuba.annual.simulated_year import simulated_year
 from drcmitsuba.annual.summed_year import accuracy_of
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import GroupStates
@@ -106,14 +109,15 @@ class Elements:
             case = self.case
             if not facade.moving.groups:
                 case = case.with_tables(shading=None, groups={})
-            year = simulated_year(facade, case, light, run, facade.attributes)
             with run.timed("accumulation and metrics"):
+                year, coefficients = recombined_year(facade, case, light, run)
                 evaluated = evaluate_metrics(
                     case, year.daylight, year.coefficients, year.direct, year.shade
                 )
         planned = self.planned.summed(always=True)
-        result = summed_up(planned, year.coefficients, evaluated, run, notes(self.case))
-        return replace(result, daylight=year.daylight)
+        result = summed_up(planned, coefficients, evaluated, run, self._notes)
+        E = with_sources(result.illuminance, coefficients, year.daylight)
+        return replace(result, illuminance=E, daylight=year.daylight)
 
     def illuminance(self, choice: Choice | None = None) -> xr.Dataset:
         """Illuminance of a façade whose openings stay as drawn where the choice names none.
@@ -193,9 +197,25 @@ class Elements:
         if chosen.hourly:
             light = light.alone()  # the choice knows no other hours
         facade = ChosenFacade.of(
-            self.case, self.panes, self.channels, light, self.planned.scope, chosen, first.constant
-        )
+            self.case, self.panes, self.channels, self._marked, light.sky["time"], chosen,
+            first.constant, light=self._light,
+        )  # fmt: skip
         return facade, light
+
+    @cached_property
+    def _light(self) -> KnownLight | None:
+        """Light hour by hour, which all façades share."""
+        return KnownLight.of(self.channels, self.daylight)
+
+    @cached_property
+    def _marked(self) -> dict[str, Any]:
+        """Attributes of C."""
+        return attributes(self.case, self.daylight, self.planned.scope)
+
+    @cached_property
+    def _notes(self) -> list[str]:
+        """Notes on the films and the shade."""
+        return notes(self.case)
 
     def __repr__(self) -> str:
         some = ", ".join(f"{name}: {' | '.join(fills)}" for name, fills in self.fills.items())

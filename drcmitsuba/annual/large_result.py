@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -27,15 +26,13 @@ from drcmitsuba.plan import Plan
 from drcmitsuba.plan.forecast import Forecast
 from drcmitsuba.plan.forecast.size import whole_arrays
 from drcmitsuba.runtime import storage
+from drcmitsuba.runtime.machine_memory import of_machine
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.luminances import save_luminances
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-SHARE = 0.75
-"""Share of the machine's memory that arrays may take."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -92,14 +89,7 @@ def is_large(planned: Plan, memory: int | None) -> bool:
         return case.output.illuminance == "metrics"
     if obstacle(case):
         return False
-    return whole_arrays(planned) > (_of_machine() if memory is None else memory)
-
-
-def _of_machine() -> float:
-    try:
-        return SHARE * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, ValueError, OSError):  # not POSIX
-        return float("inf")
+    return whole_arrays(planned) > (of_machine() if memory is None else memory)
 
 
 def evaluated(

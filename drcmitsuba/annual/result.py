@@ -265,6 +265,7 @@ def _whole(begun: _BegunEvaluation, known: xr.Dataset | None) -> Result:
         coefficients, evaluated, outcome = toward_target(
             planned.simulated, light, coefficients, evaluated, run
         )
+    planned = planned.summed() if VARYING in coefficients.others else planned
     result = summed_up(
         planned, coefficients, evaluated, run, begun.remarks, outcome, begun.expected
     )
@@ -280,7 +281,6 @@ def summed_up(
     `remarks` are the notes on films and shade; a case with a target has an `outcome`.
     """
     case, light = planned.facts.case, planned.facts.light
-    planned = planned.summed() if VARYING in coefficients.others else planned
     more = {} if outcome is None else {"accuracy": asdict(outcome)}
     E = evaluated.illuminance
     lit = with_electric_light(

@@ -36,7 +36,7 @@ class SimulatedYear(NamedTuple):
     """Daylight without the year where C cannot tell E of all its hours."""
 
 
-class _Taken(NamedTuple):
+class TakenStates(NamedTuple):
     """States that the façade may take at time stamps of a daylight."""
 
     daylight: Daylight
@@ -87,7 +87,7 @@ def simulated_year(
     if not marked["has_shade"]:
         direct = illuminance.direct_sun(coefficients, daylight.sky)
         return SimulatedYear(coefficients, direct, None, daylight)
-    taken = _taken(case, daylight, coefficients, needed)
+    taken = taken_states(case, daylight, coefficients, needed)
     daylight = taken.daylight
     groups, every = GroupStates.of_attributes(marked), daylight.every
     if run.enabled_effects.every_shade and VARYING not in taken.hours:
@@ -108,29 +108,31 @@ def simulated_year(
     return SimulatedYear(Coefficients(coefficients.open, others), *taken.of_case(), daylight)
 
 
-def _taken(
+def taken_states(
     case: Case, daylight: Daylight, coefficients: Coefficients,
-    needed: Callable[[xr.Dataset], np.ndarray] | None,
-) -> _Taken:  # fmt: skip
+    needed: Callable[[xr.Dataset], np.ndarray] | None = None,
+) -> TakenStates:  # fmt: skip
     """States that the façade may take in every hour of a daylight; `needed` as for `simulate`.
+
+    Of `coefficients` only the straight light of the open state is looked at.
 
     Where the states of a year are too many to be simulated one by one, those of the case's own
     time stamps alone are.
     """
     if daylight.year is not None:
         try:
-            of_year = _taken(case, daylight.year, coefficients, needed)
+            of_year = taken_states(case, daylight.year, coefficients, needed)
         except InputError:  # too many for any weather
             of_year = None
         if of_year is None or VARYING in of_year.hours:
-            return _taken(case, daylight.alone(), coefficients, needed)
+            return taken_states(case, daylight.alone(), coefficients, needed)
         return of_year._replace(daylight=daylight)
     marked = coefficients.attrs
     direct = illuminance.direct_sun(coefficients, daylight.sky)
     if needed is not None:
-        return _Taken(daylight, direct, None, {SHADED: needed(direct)})
+        return TakenStates(daylight, direct, None, {SHADED: needed(direct)})
     if case.effects.dark_hours == "all":  # another weather may let suns shine that do not here
         hours = hours_in_any_weather(case, daylight, coefficients, marked)
-        return _Taken(daylight, direct, None, hours)
+        return TakenStates(daylight, direct, None, hours)
     shade = draw_shade(case, daylight.step_hours, direct, marked)
-    return _Taken(daylight, direct, shade, shade.closures.others)
+    return TakenStates(daylight, direct, shade, shade.closures.others)

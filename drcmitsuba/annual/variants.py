@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from drcmitsuba.annual.attributes import attributes
 from drcmitsuba.annual.choice import ChosenFills
 from drcmitsuba.annual.chosen_facade import ChosenFacade, light_of_channels
 from drcmitsuba.annual.result import Result, summed_up
@@ -105,9 +106,11 @@ class SharedElements:
         with run.timed(case.name):
             planned = plan(case, self.light)
             run = replace(run, enabled_effects=planned.scope, stage=silent)
+            marked = attributes(planned.simulated, self.light, planned.scope)
             facade = ChosenFacade.of(
-                planned.simulated, self.facades.panes, self.channels, self.light, planned.scope,
-                ChosenFills({}, {}), self.facades.drawn[number], self.facades.members[number],
+                planned.simulated, self.facades.panes, self.channels, marked,
+                self.light.sky["time"], ChosenFills({}, {}), self.facades.drawn[number],
+                self.facades.members[number],
             )  # fmt: skip
             year = simulated_year(facade, planned.simulated, self.light, run, facade.attributes)
         return SimulatedVariant(planned.summed(always=True), year, self.remarks[number], run)

@@ -215,6 +215,7 @@ def opened(count: int | None = None, scheduler: str | None = None) -> Iterator[W
     if count is not None and not 1 <= count <= MOST_WORKERS:
         got, remedy = str(count), f"give a number from 1 to {MOST_WORKERS}"
         raise InputError("command line", "--workers", got, remedy)
+    lazy.unhide("dask")
     if find_spec("distributed") is None:
         remedy = "pip install 'drcmitsuba[cluster]'"
         raise InputError("workers", "dask.distributed", "it is not installed", remedy)

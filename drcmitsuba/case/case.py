@@ -8,7 +8,7 @@ floor, x to the east, y to the north, z up.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -283,7 +283,14 @@ class Case(Table):
         return file if file.is_absolute() else self._folder / file
 
     def with_tables(self, **tables: object) -> Case:
-        """Replace tables by name, unchecked: values are those of the tables' classes, or None."""
+        """Replace tables by name, unchecked: values are those of the tables' classes, or None.
+
+        A case with the same tables is itself: what was found out about it stays known.
+        """
+        same = all(getattr(self, name) == value for name, value in tables.items())
+        return self if same else self._copied(tables)
+
+    def _copied(self, tables: Mapping[str, object]) -> Case:
         changed = self.model_copy(update=tables)
         changed._source, changed._folder = self._source, self._folder
         changed._building = self._building
@@ -291,7 +298,7 @@ class Case(Table):
 
     def without_polish(self) -> Case:
         """Have faintly mirroring surfaces of the model diffuse, for tasks that count no mirrors."""
-        changed = self.with_tables()
+        changed = self._copied({})
         changed._building = self.building.without_polish()
         return changed
 

@@ -32,8 +32,6 @@ def case(case: CaseName, output: Output = Path(), weather: Weather = None) -> No
     from drcmitsuba.scene.daylit import darkness_notes, refuse_darkness
     from drcmitsuba.scene.leaks import crack_notes, refuse_leaks
     from drcmitsuba.scene.prepared_case import prepared
-    from drcmitsuba.scene.sensors import placed_sensors
-    from drcmitsuba.scene.views import views
 
     loaded = load(case, weather)
     backend.select()
@@ -41,7 +39,7 @@ def case(case: CaseName, output: Output = Path(), weather: Weather = None) -> No
     drawn, panes = _drawn(loaded)
     of_groups = notes_on_groups(loaded.building, loaded.groups)
     remarks = (*loaded.building.notes, *of_groups, *_place_notes(loaded))
-    seen = views(loaded)
+    seen = prepared(loaded).views
     arrows = {view.name: np.stack([view.position, view.direction]) for view in seen}
     figure = scene_view(
         drawn, geometry.in_file(loaded, points), title=loaded.name, names=panes, views=arrows,
@@ -63,7 +61,7 @@ def case(case: CaseName, output: Output = Path(), weather: Weather = None) -> No
     if is_model:
         storage.save_text(case_text(Path(case), output, loaded.building, loaded.sensors), target)
         print(f"{target}: a case to change; next: drcmitsuba evaluate {target}")
-    show_notes((*remarks, *placed_sensors(loaded).notes))
+    show_notes((*remarks, *prepared(loaded).sensors.notes))
     refuse_leaks(loaded)
     refuse_darkness(loaded)
     show_notes([*crack_notes(loaded), *darkness_notes(loaded)])

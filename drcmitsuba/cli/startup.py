@@ -25,6 +25,9 @@ OBJECTS = 20_000
 FOR_METRICS = ("scipy.special", "scipy.sparse")
 FOR_FILES = ("h5netcdf", "numcodecs", "drcmitsuba.report.figures")
 """Modules that a year's metrics and files need."""
+CHUNKS = "dask"
+"""Package that xarray imports wherever it is installed, for arrays in chunks, which no command has:
+a second. Workers look for it again."""
 COMPILER = "f2py"
 """Module of NumPy that SciPy imports and nothing here uses: half of the time of `FOR_METRICS`."""
 
@@ -67,6 +70,7 @@ def with_kernels(command: Callable[P, T]) -> Callable[P, T]:
             setattr(numpy, COMPILER, lazy.module(f"numpy.{COMPILER}"))
             with _native_code_unheard():  # waits for the thread in which Dr.Jit looks for LLVM
                 importlib.import_module("drcmitsuba.runtime.backend").llvm_version()
+            lazy.hide(CHUNKS)
             importlib.import_module("drcmitsuba.annual.result")
             gc.freeze()
             gc.set_threshold(OBJECTS)

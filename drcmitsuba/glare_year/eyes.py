@@ -12,8 +12,8 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.picture.view import PictureView, of_model
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.geometry import origin, rotation
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.sensors import refuse_in_solids
-from drcmitsuba.scene.views import views
 
 COMPASS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 """Names of the eight directions round a point, from the north of the case's frame clockwise."""
@@ -91,7 +91,7 @@ def eyes(case: Case, points: ArrayLike | None = None) -> Eyes:
 
 def _of_case(case: Case) -> tuple[tuple[str, ...], list[PictureView]]:
     """Views of the case and of its model."""
-    every = views(case)
+    every = prepared(case).views
     if not every:
         remedy = "add a table [views.NAME], or name points to look round from: --around x,y,z"
         raise InputError(case.source, "views", "no view", remedy)

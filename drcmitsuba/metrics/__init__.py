@@ -44,6 +44,8 @@ evaluate_metrics
     From coefficients to illuminance, metrics and their intervals.
 stored_arrays
     Reading of earlier results, as untrusted input.
+later_arrays
+    Arrays that are made when their values are first asked for.
 
 References
 ----------

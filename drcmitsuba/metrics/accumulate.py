@@ -21,7 +21,11 @@ from drcmitsuba.metrics.bin_luminances import (
 )
 from drcmitsuba.metrics.source_sums import source_sums, sums_at
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.threads import in_threads
 from drcmitsuba.schema import describe, mean_and_error
+
+HOURS = 64
+"""Number of time stamps whose statistics are made at once: so few that they stay in the cache."""
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -139,7 +143,8 @@ def by_source(
         A bin of the sky has no coefficients, or they are NaN.
     """
     if "illuminance" in coefficients:
-        mean, error = mean_and_error(list(_known(coefficients, sky)))
+        known = coefficients["illuminance"].transpose("replicate", "time", "sensor").values
+        mean, error = _by_hours(known, _hours_of(coefficients, sky))
         return _dataset(sky, {"total": mean, "total_se": error})
     patches = positions_of(coefficients, sky["bin"].values, SAME_SUBDIVISION)
     suns = sun_luminances(coefficients, sky)
@@ -152,15 +157,28 @@ def by_source(
     return _dataset(sky, out)
 
 
-def _known(coefficients: xr.Dataset, sky: xr.Dataset) -> np.ndarray:
-    """Known illuminance of the sky's time stamps, (replicate, time, sensor) [lx]."""
-    E = coefficients["illuminance"].transpose("replicate", "time", "sensor")
-    at = np.searchsorted(E["time"].values, sky["time"].values)
-    at = np.minimum(at, E.sizes["time"] - 1)
-    if (E["time"].values[at] != sky["time"].values).any():
+def _by_hours(known: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and standard error of E (replicate, hour, sensor) at hours, (time, sensor) each."""
+    shape = (len(at), known.shape[2])
+    mean, error = np.empty(shape, known.dtype), np.empty(shape, known.dtype)
+
+    def some(start: int) -> None:
+        here = slice(start, start + HOURS)
+        mean[here], error[here] = mean_and_error(known[:, at[here]])
+
+    in_threads(some, range(0, len(at), HOURS))
+    return mean, error
+
+
+def _hours_of(coefficients: xr.Dataset, sky: xr.Dataset) -> np.ndarray:
+    """Places of the sky's time stamps in known illuminance, int, shape (time,)."""
+    known = coefficients["time"].values
+    at = np.searchsorted(known, sky["time"].values)
+    at = np.minimum(at, len(known) - 1)
+    if (known[at] != sky["time"].values).any():
         got = "no illuminance for some time stamps of the sky"
         raise InputError("coefficients", "time", got, "evaluate the case with this sky")
-    return np.asarray(E.values[:, at])
+    return at
 
 
 def _add_straight(
@@ -188,7 +206,8 @@ def replicates(coefficients: xr.Dataset, sky: xr.Dataset, sensors: np.ndarray) -
         E [lx].
     """
     if "illuminance" in coefficients:
-        return _known(coefficients, sky)[:, :, sensors]
+        known = coefficients["illuminance"].transpose("replicate", "time", "sensor").values
+        return known[np.ix_(np.arange(len(known)), _hours_of(coefficients, sky), sensors)]
     patches = positions_of(coefficients, sky["bin"].values, SAME_SUBDIVISION)
     suns, L = sun_luminances(coefficients, sky), sky["sky"].values.astype(np.float32)
     by_bin = [c[sensors].T for c in coefficients["replicates"].values]
@@ -196,6 +215,21 @@ def replicates(coefficients: xr.Dataset, sky: xr.Dataset, sensors: np.ndarray) -
     if "sun_straight" in coefficients:
         total += direct_sun(coefficients.isel(sensor=sensors), sky)["direct_sun"].values
     return total
+
+
+def sums(coefficients: xr.Dataset, sky: xr.Dataset) -> np.ndarray:
+    """Sum of known illuminance over time stamps and sensors, by each replicate [lx], (replicate,).
+
+    `coefficients` hold `illuminance` of all time stamps of the sky.
+    """
+    known = coefficients["illuminance"].transpose("replicate", "time", "sensor").values
+    at, out = _hours_of(coefficients, sky), np.empty(len(known))
+
+    def of_replicate(r: int) -> None:
+        out[r] = known[r].sum(axis=1)[at].sum(dtype=float)
+
+    in_threads(of_replicate, range(len(known)))
+    return out
 
 
 def replicates_at(
@@ -211,7 +245,8 @@ def replicates_at(
         E [lx].
     """
     if "illuminance" in coefficients:
-        return _known(coefficients, sky)[:, time, sensor]
+        known = coefficients["illuminance"].transpose("replicate", "time", "sensor").values
+        return known[:, _hours_of(coefficients, sky)[time], sensor]
     patches = positions_of(coefficients, sky["bin"].values, SAME_SUBDIVISION)
     suns, L = sun_luminances(coefficients, sky), sky["sky"].values.astype(np.float32)
     total = sums_at(coefficients["replicates"].values, patches, L, suns, time, sensor)
@@ -241,7 +276,8 @@ def illuminance(
     -------
     xr.Dataset
         `total`, `total_open`, `sky_open`, `sun_open`, `direct_sun` and `…_se`, dims (time, sensor)
-        [lx]; the sensors' coordinates of C and `shade_closed`.
+        [lx]; the sensors' coordinates of C and `shade_closed`. Known illuminance of the open state
+        is told apart by no source.
 
     Raises
     ------
@@ -254,6 +290,7 @@ def illuminance(
         {
             f"{name}_open{suffix}": parts[name + suffix].variable
             for name in ("total", "sky", "sun")
+            if name in parts
             for suffix in ("", "_se")
         }
         | {name: parts[name].variable.copy() for name in ("total", "total_se")}

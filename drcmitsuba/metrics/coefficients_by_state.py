@@ -7,9 +7,10 @@ label there.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from functools import cached_property
+from typing import Any, cast
 
 import numpy as np
 import xarray as xr
@@ -90,6 +91,43 @@ class Coefficients:
                 data = data.assign(pane_group=xr.full_like(self.open["pane_group"], np.nan))
             part = data.expand_dims(state=np.array([state], dtype=object))
             yield schema.describe(part.assign_attrs(self.attrs | NOT_SIMULATED))
+
+
+class LaterCoefficients(Coefficients):
+    """Coefficients that are made when they are first asked for.
+
+    Parameters
+    ----------
+    attributes : mapping
+        Attributes of all states.
+    make : callable
+        Function that makes the coefficients, which have the same attributes.
+    """
+
+    def __init__(self, attributes: Mapping[str, Any], make: Callable[[], Coefficients]) -> None:
+        vars(self).update(attributes=dict(attributes), make=make)
+
+    @cached_property
+    def _made(self) -> Coefficients:
+        return cast(Coefficients, vars(self)["make"]())
+
+    @property
+    def open(self) -> xr.Dataset:
+        """C of the open state."""
+        return self._made.open
+
+    @property
+    def others(self) -> Mapping[State, xr.Dataset]:
+        """C of every other state."""
+        return self._made.others
+
+    @property
+    def attrs(self) -> dict[str, Any]:
+        """Attributes of all states, which are known before."""
+        return cast(dict[str, Any], vars(self)["attributes"])
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of {self.attrs.get('case')!r}>"
 
 
 def _with_labels(data: xr.Dataset, dim: str, labels: np.ndarray) -> xr.Dataset:

@@ -115,7 +115,9 @@ def monthly_share(
     E, month = checked(array, name), months(array, name)
     shares = np.full(12, np.nan)
     for m in np.unique(month):
-        E_m = E[month == m]
+        here = np.flatnonzero(month == m)
+        whole = here[-1] - here[0] + 1 == len(here)  # a slice makes no copy
+        E_m = E[here[0] : here[-1] + 1] if whole else E[here]
         shares[m - 1] = share(stamps_reached(E_m, threshold) >= required(len(E_m), len(E)))
     return xr.DataArray(shares, {"month": np.arange(1, 13)}, ("month",), attrs={"units": "%"})
 

@@ -15,7 +15,6 @@ from drcmitsuba.scene.daylit import darkness_notes
 from drcmitsuba.scene.leaks import crack_notes
 from drcmitsuba.scene.materials import film
 from drcmitsuba.scene.prepared_case import prepared
-from drcmitsuba.scene.sensors import placed_sensors
 from drcmitsuba.scene.spaces import box_and_note
 
 MOST_LOST = 1e-3
@@ -74,7 +73,7 @@ def notes(case: Case) -> list[str]:
     """Notes on the model, on the shade, and on films whose BSDF was scaled down."""
     of_groups = notes_on_groups(case.building, case.groups)
     remarks = [*case.building.notes, *of_groups, *shade_notes(case)]
-    remarks += [*placed_sensors(case).notes, *crack_notes(case), *darkness_notes(case)]
+    remarks += [*prepared(case).sensors.notes, *crack_notes(case), *darkness_notes(case)]
     remarks += _target_notes(case)
     if case.room is not None and (note := box_and_note(case)[1]):
         remarks.append(note)

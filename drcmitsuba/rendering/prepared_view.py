@@ -35,7 +35,7 @@ from drcmitsuba.runtime.provenance import program
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import origin, rotation
-from drcmitsuba.scene.views import views
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import Daylight, daylight, period, weather_of
 from drcmitsuba.sky.period import NOMINAL_YEAR
@@ -221,7 +221,7 @@ def picture_view(case: Case, name: str | None) -> tuple[str, PictureView]:
     InputError
         There is no such view, or its place is unfit.
     """
-    every = {view.name: view for view in views(case)}
+    every = {view.name: view for view in prepared(case).views}
     if not every:
         remedy = "add a table [views.NAME] with position and direction"
         raise InputError(case.source, "views", "none", remedy)

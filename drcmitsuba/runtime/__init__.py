@@ -10,6 +10,8 @@ compilation
     What a run compiled, and how long that took.
 machine_speed
     Speed of this machine relative to the one on which costs were measured.
+machine_memory
+    Memory of the machine that arrays may take.
 progress
     Progress of long work.
 launch_size

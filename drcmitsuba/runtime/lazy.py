@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import sys
 from collections.abc import Callable, Mapping
 from functools import cache, partial
 from pathlib import Path
@@ -20,6 +21,20 @@ class _Later(ModuleType):
 def module(name: str) -> ModuleType:
     """Module of another package whose import is slow, which is imported when it is first used."""
     return _Later(name)
+
+
+def hide(package: str) -> None:
+    """Let other packages take a package for missing that they import where it is installed.
+
+    Python knows modules of `None` as such. A package that was imported before stays.
+    """
+    sys.modules.setdefault(package, None)  # type: ignore[arg-type]
+
+
+def unhide(package: str) -> None:
+    """Let a package be found again."""
+    if sys.modules.get(package, package) is None:
+        del sys.modules[package]
 
 
 def folder_of(package: str) -> Path:

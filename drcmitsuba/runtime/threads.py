@@ -1,12 +1,27 @@
-"""Threads of BLAS beside those of Dr.Jit."""
+"""Threads of NumPy, and those of BLAS beside those of Dr.Jit."""
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from functools import cache
-from typing import Any
+from typing import Any, TypeVar
 
 from threadpoolctl import ThreadpoolController
+
+MOST = 8
+"""Number of threads that memory can serve."""
+
+Job = TypeVar("Job")
+
+
+def in_threads(work: Callable[[Job], None], jobs: Sequence[Job]) -> None:
+    """Do the work of all jobs, by as many threads as there are cores; its errors are raised."""
+    with ThreadPoolExecutor(min(MOST, os.cpu_count() or 1)) as threads:
+        for _ in threads.map(work, jobs):
+            pass
 
 
 def one_blas_thread() -> AbstractContextManager[Any]:

@@ -1,4 +1,4 @@
-"""A case made ready: groups of panes, spaces, receivers, which no room finds a second time."""
+"""A case made ready: groups of panes, spaces, receivers, views, each found once in a run."""
 
 from __future__ import annotations
 
@@ -10,12 +10,21 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.case.case import Case
+from drcmitsuba.model.model import View
 from drcmitsuba.model.space import Space, space_at
 from drcmitsuba.scene.geometry import origin, rotation
 from drcmitsuba.scene.pane_groups import PaneGroups
-from drcmitsuba.scene.sensors import sensor_coordinates, sensor_points
+from drcmitsuba.scene.sensors import (
+    PlacedSensors,
+    placed_sensors,
+    sensor_coordinates,
+    sensor_points,
+)
 from drcmitsuba.scene.spaces import spaces_of
+from drcmitsuba.scene.views import views
 
+UNREAD = ("accuracy",)
+"""Tables that no part depends on: each state of a year of glare has samples of its own."""
 KEPT = 8
 """Number of cases that are kept ready."""
 
@@ -62,12 +71,22 @@ class PreparedCase:
         return PaneGroups.of_windows(self.case)
 
     @cached_property
+    def sensors(self) -> PlacedSensors:
+        """Sensors in the frame of the case's file, see `sensors.placed_sensors`."""
+        return placed_sensors(self.case)
+
+    @cached_property
     def receivers(self) -> Receivers:
         """Sensors, see `sensors.sensor_points`."""
-        points, normals = sensor_points(self.case)
+        points, normals = sensor_points(self.case, self.sensors)
         for array in (points, normals):
             array.flags.writeable = False  # every room reads the same ones
-        return Receivers(points, normals, sensor_coordinates(self.case))
+        return Receivers(points, normals, sensor_coordinates(self.case, self.sensors))
+
+    @cached_property
+    def views(self) -> tuple[View, ...]:
+        """Views of the case and of its model, see `views.views`."""
+        return views(self.case)
 
     @cached_property
     def spaces(self) -> tuple[Space, ...]:
@@ -88,29 +107,29 @@ class PreparedCase:
         _ = self.receivers, self.groups
 
 
-class _Itself:
-    """Key of a case that only the same object equals: cases are frozen, and large to compare.
+class _SameTables:
+    """Key of a case that only the same objects equal: tables are frozen, and large to compare.
 
     Sensors of models are found by rays, so a variant of Mitsuba has its own.
     """
 
     def __init__(self, case: Case) -> None:
-        self.case, self.variant = case, mi.variant()
+        read = (getattr(case, name) for name in type(case).model_fields if name not in UNREAD)
+        self.case = case
+        self.key = (*map(id, (case.building, *read)), case.source, mi.variant())
 
     def __eq__(self, other: object) -> bool:
-        if not isinstance(other, _Itself):
-            return False
-        return self.case is other.case and self.variant == other.variant
+        return isinstance(other, _SameTables) and self.key == other.key
 
     def __hash__(self) -> int:
-        return id(self.case)
+        return hash(self.key)
 
 
 @lru_cache(maxsize=KEPT)
-def _prepared(key: _Itself) -> PreparedCase:
+def _prepared(key: _SameTables) -> PreparedCase:
     return PreparedCase(key.case)
 
 
 def prepared(case: Case) -> PreparedCase:
-    """Make a case ready, once for each case."""
-    return _prepared(_Itself(case))
+    """Make a case ready, once for each case; cases that differ in `UNREAD` tables share it."""
+    return _prepared(_SameTables(case))

@@ -101,10 +101,13 @@ class PlacedSensors:
         return replace(self.only(~bad), notes=tuple(notes))
 
 
-def sensor_points(case: Case) -> tuple[np.ndarray, np.ndarray]:
+def sensor_points(
+    case: Case, sensors: PlacedSensors | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Positions [m] and normals of the sensors in the world frame, shape (sensor, 3) each.
 
-    Positions are relative to the case's `geometry.origin`.
+    Positions are relative to the case's `geometry.origin`; `sensors` are from `placed_sensors`,
+    where they are known.
 
     Raises
     ------
@@ -112,7 +115,7 @@ def sensor_points(case: Case) -> tuple[np.ndarray, np.ndarray]:
         A sensor lies outside the room; one that the user listed lies inside furniture or within
         1 mm of a surface; or none is left.
     """
-    return _in_world(case, placed_sensors(case))
+    return _in_world(case, placed_sensors(case) if sensors is None else sensors)
 
 
 def _in_world(case: Case, sensors: PlacedSensors) -> tuple[np.ndarray, np.ndarray]:
@@ -121,8 +124,13 @@ def _in_world(case: Case, sensors: PlacedSensors) -> tuple[np.ndarray, np.ndarra
     return (sensors.points - origin(case)) @ turn, sensors.normals @ turn
 
 
-def sensor_coordinates(case: Case) -> xr.Dataset:
+def sensor_coordinates(case: Case, sensors: PlacedSensors | None = None) -> xr.Dataset:
     """Coordinates of the sensors, dim (sensor,): where they are and which grid they are of.
+
+    Parameters
+    ----------
+    sensors : PlacedSensors, optional
+        From `placed_sensors`, where they are known.
 
     Returns
     -------
@@ -135,7 +143,7 @@ def sensor_coordinates(case: Case) -> xr.Dataset:
     InputError
         As `sensor_points`.
     """
-    sensors, spaces = placed_sensors(case), spaces_of(case)
+    sensors, spaces = placed_sensors(case) if sensors is None else sensors, spaces_of(case)
     points, normals = _in_world(case, sensors)
     at = dict(zip("xyz", (points + origin(case)).T, strict=True))
     if (normals[:, 2] < FACES_UP).any():

@@ -12,7 +12,6 @@ from drcmitsuba.case.sensors import GridsByRule, Sensors, SpaceSensors
 from drcmitsuba.case.weather import PeriodTable
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.prepared_case import prepared
-from drcmitsuba.scene.sensors import placed_sensors
 from drcmitsuba.sky.daylight import Daylight, daylight, daylight_and_year
 from drcmitsuba.standards.coverage import check_facing, check_spacing, hours_of
 from drcmitsuba.standards.standard import Standard, read
@@ -146,7 +145,7 @@ def _laid(case: Case, got: str) -> tuple[Sensors | GridsByRule, str]:
         corner, z = np.array(own.corner[:2]), own.corner[2]
     elif case.room is not None:
         extent, corner = np.array(case.room.size[:2]), np.zeros(2)
-        z = float(np.median(placed_sensors(case).points[:, 2]))
+        z = float(np.median(prepared(case).sensors.points[:, 2]))
     else:
         remedy = 'name floors in [sensors], floors = ["NAME"], or give at most 0.6 m between points'
         raise InputError(case.source, "sensors", got, remedy)

@@ -1,11 +1,14 @@
 """Any façade from one simulation: choices of fills against evaluations, and what is refused."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import xarray as xr
 
 import drcmitsuba
 from drcmitsuba import InputError
+from drcmitsuba.metrics.coefficients_by_state import LaterCoefficients
 from drcmitsuba.scene.fills import openings_of
 from tests.system.small_room import CASE, DAYS, SHADING, SITE, STRIPS, changed
 
@@ -102,6 +105,33 @@ def test_differences_of_façades_share_their_paths(light):
     """Two façades of the same elements differ by far less than their errors."""
     glass, opal = (light.evaluate({"opal (east)": fill}) for fill in ("opal", {"opal": 1.0}))
     xr.testing.assert_identical(glass.illuminance["total"], opal.illuminance["total"])
+
+
+@pytest.mark.parametrize("choice", [{}, {"south": "opal"}, {"south": {"glass": 0.4, "opal": 0.6}}])
+def test_known_years_give_what_coefficients_give(light, choice):
+    """E of the hours by element, summed by a choice, against C of the choice times L."""
+    ours = light.evaluate(choice)
+    without = dataclasses.replace(light)
+    vars(without)["_light"] = None  # as where memory does not hold them
+    theirs = without.evaluate(choice)
+    assert list(ours.illuminance.data_vars) == list(theirs.illuminance.data_vars)
+    same_light(ours.illuminance, theirs.illuminance)
+    for name in ("direct_sun", "direct_sun_se", "sky_open", "sun_open"):
+        xr.testing.assert_identical(ours.illuminance[name], theirs.illuminance[name])
+    for name in ("shade_closed", "undecided", "groups", "sDA", "ASE", "msDA", "MSE"):
+        assert ours.metrics.get(name) == theirs.metrics.get(name), name
+    assert isinstance(ours.by_state, LaterCoefficients)
+    xr.testing.assert_identical(ours.coefficients, theirs.coefficients)
+
+
+def same_light(ours, theirs):
+    """Assert that illuminances are the same but for the order of their sums."""
+    for name, values in theirs.data_vars.items():
+        atol = 1e-4 * theirs[name.replace("_se", "")].max().item()  # of a small difference
+        np.testing.assert_allclose(ours[name], values, rtol=1e-3, atol=atol, err_msg=name)
+    for name in theirs.coords:
+        xr.testing.assert_identical(ours[name].variable, theirs[name].variable)
+    assert ours.attrs == theirs.attrs
 
 
 @pytest.mark.parametrize(

@@ -36,6 +36,15 @@ def test_a_command_leaves_the_compiler_of_numpy_alone():
     assert imported(f"{start}; {used}", ("numpy.f2py", "scipy.special")) == ["scipy.special"]
 
 
+def test_a_command_leaves_chunks_of_arrays_alone_until_workers_want_them():
+    start = "from drcmitsuba.cli import startup; startup.with_kernels(lambda: None)()"
+    used = "import numpy, xarray; xarray.DataArray(numpy.zeros(3)).to_dataset(name='a').to_netcdf()"
+    names = ("dask.array", "distributed", "xarray")
+    assert imported(f"{start}; {used}", names) == ["xarray"]
+    again = "from drcmitsuba.runtime import lazy; lazy.unhide('dask'); import distributed"
+    assert imported(f"{start}; {used}; {again}", names[1:]) == ["distributed", "xarray"]
+
+
 def test_the_sky_leaves_most_of_pvlib_alone():
     # xarray imports Dask's arrays, and these SciPy, wherever Dask is installed.
     no_dask = "sys.modules['dask.array'] = None"

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from threading import Lock
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +25,7 @@ from drcmitsuba.metrics import accumulate
 from drcmitsuba.metrics.intervals.bootstrap_counts import BootstrapCounts, Needed
 from drcmitsuba.metrics.intervals.facade_draws import Closures
 from drcmitsuba.metrics.intervals.rules import BEYOND, DRAWS, t_factor
-from drcmitsuba.runtime.threads import one_blas_thread
+from drcmitsuba.runtime.threads import in_threads, one_blas_thread
 
 GROUPS = 64
 """Number of groups of sensors; errors outside the replicates are independent between groups."""
@@ -170,13 +171,20 @@ def _draw(
         for state, some in zip(states, in_state, strict=True)
     ]
     first = np.cumsum(in_state, axis=1) - in_state  # number of a state's entries before each one
-    for block in tally.blocks(sensor):
+    lock = Lock()
+
+    def of_block(block: slice) -> None:
         passed = np.zeros((block.stop - block.start, DRAWS), bool)
         for k, doubts in enumerate(every):
             some = np.flatnonzero(in_state[k, block])
             begin = first[k, block.start]
             for few, by_state in doubts.passes(begin, begin + len(some)):
                 at = hour[block][some[few]]
-                by_state[at >= 0] &= closures.drawn[at[at >= 0]] == k
+                if (at >= 0).any():
+                    by_state[at >= 0] &= closures.drawn[at[at >= 0]] == k
                 passed[some[few]] |= by_state
-        tally.add(sensor[block], time[block], passed)
+        counted = tally.counted(sensor[block], time[block], passed)
+        with lock:
+            tally.add(counted)
+
+    in_threads(of_block, list(tally.blocks(sensor)))

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -45,6 +46,24 @@ class Needed:
         for m in np.flatnonzero(~self.empty):
             out[:, m] = np.count_nonzero(passed[self.month == m], axis=0)
         return out
+
+
+class CountedBlock(NamedTuple):
+    """Counts of a block of sensors in every draw."""
+
+    sensor: np.ndarray
+    month: np.ndarray
+    """Sensor and month of every row of `counts`, shape (row,)."""
+    counts: np.ndarray
+    """Entries in doubt that pass, int, shape (row, draw)."""
+    open_year: np.ndarray
+    """Sensors whose year is open, shape (sensor,)."""
+    passes: np.ndarray
+    """Whether their years pass, bool, shape (sensor, draw)."""
+    passing: np.ndarray
+    """Share of the draws in which they do, shape (sensor,)."""
+    doubtful: np.ndarray
+    """Time stamps in doubt of those that may pass or fail, each as often as it is, shape (any,)."""
 
 
 class BootstrapCounts:
@@ -93,27 +112,39 @@ class BootstrapCounts:
             yield slice(start, stop)
             start = stop
 
-    def add(self, sensor: np.ndarray, time: np.ndarray, passed: np.ndarray) -> None:
-        """Add the draws (entry, draw) of some sensors' wanted entries, as `wanted` sorts them.
+    def counted(self, sensor: np.ndarray, time: np.ndarray, passed: np.ndarray) -> CountedBlock:
+        """Count the draws (entry, draw) of some sensors' wanted entries, as `wanted` sorts them.
 
-        Open months and years, which began as not passed, have all of their entries there.
+        Open months and years, which began as not passed, have all of their entries there. This
+        changes nothing, so that threads may count blocks side by side.
         """
         month = self.needed.month[time]
         changes = np.flatnonzero((month[1:] != month[:-1]) | (sensor[1:] != sensor[:-1])) + 1
         first = np.append(0, changes)
         counts = _sums(passed, first)
-        self._count_months(sensor[first], month[first], counts)
         sensor_first = np.flatnonzero(np.diff(sensor[first], prepend=-1))
         those = sensor[first][sensor_first]
         of_year = np.add.reduceat(counts, sensor_first, axis=0)
         of_year += self.sure[those].sum(axis=1, dtype=np.int32)[:, None]
         chosen = self.open_year[those]
-        self._count_year(those[chosen], of_year[chosen] >= self.needed.yearly)
-        for s in those[chosen]:
-            if TAIL < self.passing[s] < 1 - TAIL:
-                mine = slice(*np.searchsorted(sensor, (s, s + 1)))
-                q = passed[mine].mean(axis=1)
-                self.hours[time[mine]] += (q > TAIL) & (q < 1 - TAIL)
+        passes, those = of_year[chosen] >= self.needed.yearly, those[chosen]
+        passing, doubtful = passes.mean(axis=1), [np.zeros(0, np.int64)]
+        for s in those[(passing > TAIL) & (passing < 1 - TAIL)]:
+            mine = slice(*np.searchsorted(sensor, (s, s + 1)))
+            q = passed[mine].mean(axis=1)
+            doubtful.append(time[mine][(q > TAIL) & (q < 1 - TAIL)])
+        return CountedBlock(
+            sensor[first], month[first], counts, those, passes, passing, np.concatenate(doubtful)
+        )
+
+    def add(self, counted: CountedBlock) -> None:
+        """Add the counts of some sensors."""
+        self._count_months(counted.sensor, counted.month, counted.counts)
+        grid = self.needed.grid[counted.open_year]
+        for g in np.unique(grid):
+            self.counts[g, 12] += counted.passes[grid == g].sum(axis=0, dtype=np.int32)
+        self.passing[counted.open_year] = counted.passing
+        np.add.at(self.hours, counted.doubtful, 1)
 
     def _count_months(self, sensor: np.ndarray, month: np.ndarray, counts: np.ndarray) -> None:
         """Count the open ones among months of sensors (row,), from what they pass (row, draw)."""
@@ -122,13 +153,6 @@ class BootstrapCounts:
         is_open, grid = self.open_months[sensor, month], self.needed.grid[sensor]
         for row in np.flatnonzero(is_open):
             self.counts[grid[row], month[row]] += passes[row]
-
-    def _count_year(self, sensor: np.ndarray, passes: np.ndarray) -> None:
-        """Count the period of sensors whose year is open, from whether they pass (sensor, draw)."""
-        grid = self.needed.grid[sensor]
-        for g in np.unique(grid):
-            self.counts[g, 12] += passes[grid == g].sum(axis=0, dtype=np.int32)
-        self.passing[sensor] = passes.mean(axis=1)
 
     def plus(self, other: BootstrapCounts) -> BootstrapCounts:
         """Count the sensors of two blocks, this one's first; grids have the same numbers."""

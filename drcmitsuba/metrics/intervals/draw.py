@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -20,6 +20,9 @@ from drcmitsuba.metrics.intervals.spread import DrawnShares, Draws
 from drcmitsuba.metrics.intervals.sun import SunDraws, draw_sun
 from drcmitsuba.metrics.intervals.year_draws import YearDraws, closures_of
 from drcmitsuba.schema import by_luminance, luminance, mean_and_error
+
+DRAWN = ("total", "total_se", "total_open", "total_open_se", "direct_sun", "direct_sun_se")
+"""Arrays of E that draws are made of."""
 
 
 class ShadeDraws(NamedTuple):
@@ -106,7 +109,7 @@ def draw_block(
 
     `grid` (sensor,) is the number of each sensor's grid; the rest as for `draw`.
     """
-    E = {name: luminance(illuminance[name]) for name in illuminance.data_vars}
+    E: dict[Hashable, xr.DataArray] = {name: luminance(illuminance[name]) for name in DRAWN}
     t, stamps = rules.metrics, sky.sizes["time"]
     year = YearDraws.of(coefficients, sky, E, sun, shut, seed)
     month = metrics.months(E["total"]) - 1
@@ -137,11 +140,13 @@ def _means(coefficients: Coefficients, sky: xr.Dataset, shut: Closures) -> np.nd
     for k, state in enumerate(shut.states):
         hours = shut.state == k
         if hours.any():
-            C = coefficients.states[state]
-            names = ("replicates", "sun_straight", "sun_straight_se", "illuminance")
+            C, at = coefficients.states[state], sky.isel(time=np.flatnonzero(hours))
+            if "illuminance" in C:
+                total += accumulate.sums(C, at) / C.sizes["sensor"]
+                continue
+            names = ("replicates", "sun_straight", "sun_straight_se")
             C = C[[name for name in names if name in C]]
             C = C.mean("sensor", keepdims=True, skipna=False, dtype=float)
-            at = sky.isel(time=np.flatnonzero(hours))
             E = accumulate.replicates(C, at, np.zeros(1, np.int64))
             total += E.sum(axis=(1, 2), dtype=float)
     return total / len(shut.state)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -51,10 +52,9 @@ class DrawnShares:
         tested on 200 evaluations of a room whose truth is known (tests/validation).
         """
         draws = self.annual[name] if month is None else self.monthly[name][month]
-        ends = [
-            float(np.quantile(draws, TAIL, method="lower")),
-            float(np.quantile(draws, 1 - TAIL, method="higher")),
-        ]
+        inside = (len(draws) - 1) * TAIL  # number of draws that a tail holds, a fraction
+        ordered = np.sort(draws)
+        ends = [float(ordered[math.floor(inside)]), float(ordered[-1 - math.floor(inside)])]
         if name in ("sDA", "msDA"):
             ends += [2 * value - end for end in ends]
         return Interval(value, max(0.0, min(value, *ends)), min(100.0, max(value, *ends)))

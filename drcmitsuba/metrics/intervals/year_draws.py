@@ -68,7 +68,7 @@ class YearDraws:
         for time, sensor in tally.wanted(drawn):
             for block in tally.blocks(sensor):
                 exposed = self.sun.exposed[entry[time[block], sensor[block]]]
-                tally.add(sensor[block], time[block], unpacked(exposed))
+                tally.add(tally.counted(sensor[block], time[block], unpacked(exposed)))
         return tally
 
 

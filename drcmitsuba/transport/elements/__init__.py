@@ -14,6 +14,8 @@ light, simulate
     Coefficients of every element, of which any façade is recombined.
 illuminance
     A year of known shares, of which no coefficients are kept.
+known_year
+    Illuminances of a year by element, of which any façade is summed in milliseconds.
 state_illuminances, smooth_year
     E of a period in every state of a façade; the smooth twin of a year of known light, whose
     derivatives by the shares are exact.

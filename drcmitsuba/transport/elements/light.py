@@ -20,10 +20,11 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.case.groups import GroupStates
+from drcmitsuba.runtime.threads import in_threads
 from drcmitsuba.schema import mean_and_error
 from drcmitsuba.transport.coefficient_arrays import with_values, without_values
 from drcmitsuba.transport.elements.paths import SentBack
-from drcmitsuba.transport.elements.weights import BESIDES, Year, chosen
+from drcmitsuba.transport.elements.weights import BESIDES, HOURS, Year, chosen
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -55,6 +56,12 @@ class ElementLight:
     def gives_light(self) -> bool:
         """Whether any sensor gets its light, be it by way of openings alone."""
         return self.is_lit["total"] or self.is_lit["blocks"]
+
+    @cached_property
+    def seen(self) -> np.ndarray:
+        """Places among its own bins of those that some sensor sees straight, int, shape (seen,)."""
+        lit = self.is_lit["straight"]
+        return np.flatnonzero(self.straight.any(axis=(0, 2))) if lit else np.zeros(0, int)
 
     def pieces(
         self, sky_bins: int, values: np.ndarray
@@ -142,6 +149,43 @@ class LightByElement:
                 data[name + end] = np.ascontiguousarray(array.T)
         empty = without_values(list(self.labels), self.positions)
         return with_values(empty, data, np.ascontiguousarray(total.transpose(0, 2, 1)))
+
+    def straight(self, shares: np.ndarray, bins: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Part `straight` of the coefficients of a façade, at some bins alone.
+
+        Parameters
+        ----------
+        shares : np.ndarray, shape (element,)
+            As for `coefficients`.
+        bins : np.ndarray of int, shape (bin,)
+            Positions of bins among all labels, in rising order.
+
+        Returns
+        -------
+        tuple of np.ndarray, shape (bin, sensor)
+            C and its standard error [sr].
+        """
+        shape = (len(bins), len(self.positions))
+        mean, error = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+        parts = []
+        for number in (BESIDES, *np.flatnonzero(shares).tolist()):
+            light = self.light(number)
+            _, places, seen = np.intersect1d(bins, light.bins[light.seen], return_indices=True)
+            share = 1.0 if number == BESIDES else float(shares[number])
+            if len(places):
+                parts.append((light.straight, share, places, light.seen[seen]))
+
+        def some(start: int) -> None:
+            stop = min(start + HOURS, len(bins))
+            total = np.zeros((self.replicates, stop - start, shape[1]), np.float32)
+            for values, share, places, own in parts:
+                here = slice(*np.searchsorted(places, (start, stop)))
+                part = values[:, own[here]]
+                total[:, places[here] - start] += part if share == 1 else np.float32(share) * part
+            mean[start:stop], error[start:stop] = mean_and_error(total)
+
+        in_threads(some, range(0, len(bins) if parts else 0, HOURS))
+        return mean, error
 
     def _sum(self, some: list[tuple[ElementLight, float]], name: str) -> np.ndarray:
         """Σ w · light of all bins, (replicate, bin, receiver)."""

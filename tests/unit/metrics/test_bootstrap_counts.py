@@ -46,7 +46,8 @@ def test_counts_are_those_of_every_draw_by_itself(monkeypatch, name, held, toget
         blocks = [*tally.blocks(sensor)]
         assert [0, *(b.stop for b in blocks)] == [*(b.start for b in blocks), len(sensor)]
         for here in blocks:
-            tally.add(sensor[here], time[here], passed[time[here], sensor[here]])
+            drawn = passed[time[here], sensor[here]]
+            tally.add(tally.counted(sensor[here], time[here], drawn))
     every = sure[..., None] | passed
     of_month = np.stack([every[month == m].sum(axis=0) for m in range(12)], axis=1)
     passes = of_month >= needed.monthly[:, None]

@@ -1,11 +1,16 @@
 """A case made ready: each part is found once, and is what the functions that find it say."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 
+import drcmitsuba
+from drcmitsuba import glare_year
 from drcmitsuba.case.case import Case
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene import prepared_case
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.prepared_case import KEPT, prepared
 from drcmitsuba.scene.sensors import sensor_coordinates, sensor_points
@@ -41,14 +46,45 @@ def test_parts_are_what_their_functions_find():
 def test_parts_are_found_once_for_a_case_and_anew_for_another():
     case = room()
     assert prepared(case).receivers is prepared(case).receivers
-    other = case.with_tables(site=None)
+    other = case.with_tables(name="another room")
     assert prepared(other).receivers is not prepared(case).receivers
+    assert case.with_tables(name=case.name, materials=dict(case.materials)) is case
+    finer = case.with_tables(accuracy=case.accuracy.model_copy(update={"seed": 3}))
+    assert finer is not case
+    assert prepared(finer) is prepared(case)
     first = prepared(case).receivers
     for _ in range(KEPT):
         prepared(room())
     again = prepared(case).receivers
     assert again is not first  # the oldest one has gone, and was found again
     np.testing.assert_array_equal(again.points, first.points)
+
+
+def test_a_run_finds_no_part_twice(monkeypatch):
+    """All rooms of an evaluation, and of a year of glare, read the same prepared case."""
+    names = ("placed_sensors", "sensor_coordinates", "sensor_points", "spaces_of", "views")
+    counts = Counter()
+
+    def counted(name, function):
+        def call(*arguments, **options):
+            counts[name] += 1
+            return function(*arguments, **options)
+
+        return call
+
+    for name in names:
+        monkeypatch.setattr(prepared_case, name, counted(name, getattr(prepared_case, name)))
+    monkeypatch.setattr(PaneGroups, "of", staticmethod(counted("groups", PaneGroups.of)))
+    few = {"paths": 16, "sensor_sky_rays": 64, "cell_sky_rays": 16}
+    view = {"a": {"position": [2, 3, 1.2], "direction": [0, -1, 0]}}
+    shade = {"cloth": {"type": "diffuser", "transmittance": 0.1}}
+    case = room(
+        views=view, period={"months": [3], "hours": [11, 13]}, accuracy=few,
+        shading={"material": "cloth"}, materials={**room().materials, **shade},
+    )  # fmt: skip
+    drcmitsuba.evaluate(case)
+    glare_year.glare(case)
+    assert counts == dict.fromkeys([*names, "groups"], 1)
 
 
 def test_receivers_are_the_same_for_all_and_cannot_be_changed():

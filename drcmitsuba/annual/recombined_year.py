@@ -1,0 +1,86 @@
+"""A year of known light by element: E of the states of a façade, and C where it is asked for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import xarray as xr
+
+from drcmitsuba.annual.chosen_facade import ChosenFacade
+from drcmitsuba.annual.run import Run
+from drcmitsuba.annual.simulated_year import SimulatedYear, simulated_year, taken_states
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import OPEN, VARYING, State
+from drcmitsuba.metrics import accumulate, illuminance
+from drcmitsuba.metrics.coefficients_by_state import Coefficients, LaterCoefficients
+from drcmitsuba.metrics.facade_states import FacadeStates
+from drcmitsuba.metrics.later_arrays import LaterArrays
+from drcmitsuba.runtime.progress import silent
+from drcmitsuba.runtime.threads import one_blas_thread
+from drcmitsuba.schema import describe
+from drcmitsuba.sky.daylight import Daylight
+
+
+def recombined_year(
+    facade: ChosenFacade, case: Case, daylight: Daylight, run: Run
+) -> tuple[SimulatedYear, Coefficients]:
+    """E of the states that a façade of known elements takes, and its C, which is made later.
+
+    Parameters
+    ----------
+    facade : ChosenFacade
+        Façade whose `light`, where it is known, is that of the daylight.
+    case, daylight, run
+        As for `simulated_year`.
+
+    Returns
+    -------
+    SimulatedYear
+        Its `coefficients` hold `illuminance` in place of C in all states, where light is known.
+    Coefficients
+        C of these states, as from `simulated_year`.
+    """
+
+    def coefficients(light: Daylight) -> Coefficients:
+        quiet = replace(run, stage=silent, seconds={})
+        with one_blas_thread():  # as an evaluation has it: sums are made in the same order
+            return simulated_year(facade, case, light, quiet, facade.attributes).coefficients
+
+    marked = facade.attributes
+    light = facade.light
+    if light is None or case.effects.dark_hours == "all":
+        year = simulated_year(facade, case, daylight, run, marked)
+        return year, year.coefficients
+    sun = Coefficients(facade.straight(light.suns).assign_attrs(marked))
+    if marked["has_shade"]:
+        taken = taken_states(case, daylight, sun)
+        daylight, (direct, shade) = taken.daylight, taken.of_case()
+    else:
+        direct, shade = illuminance.direct_sun(sun, daylight.sky), None
+    others = dict[State, xr.Dataset]()
+    for state, hours in ({} if shade is None else shade.closures.others).items():
+        if state == VARYING:
+            others[state] = facade.year(daylight, FacadeStates.of(marked, direct).of_group)
+        else:
+            others[state] = facade.known(daylight, state, np.flatnonzero(hours))
+    known = Coefficients(facade.known(daylight, OPEN), others)
+    later = LaterCoefficients(marked, lambda: coefficients(daylight))
+    return SimulatedYear(known, direct, shade, daylight), later
+
+
+def with_sources(E: xr.Dataset, coefficients: Coefficients, daylight: Daylight) -> xr.Dataset:
+    """E [lx] with `sky_open` and `sun_open`, which follow from C when they are asked for."""
+    names = [f"{name}_open{suffix}" for name in ("sky", "sun") for suffix in ("", "_se")]
+    if names[0] in E:
+        return E
+
+    def made() -> xr.Dataset:
+        parts = illuminance.by_channel(accumulate.by_source, coefficients.open, daylight.sky)
+        return xr.Dataset({name: parts[name.replace("_open", "")] for name in names})
+
+    later = LaterArrays(made).variables(names, E["total_open"].variable)
+    every = E.assign(later)
+    first = ("direct_sun", "total_open", "sky_open", "sun_open")
+    order = [name + suffix for name in first for suffix in ("", "_se")]
+    return describe(every[[*order, *(name for name in E.data_vars if name not in order)]])

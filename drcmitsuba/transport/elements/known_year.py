@@ -1,0 +1,143 @@
+r"""Light by element in a year of known luminances, of which any façade is a weighted sum.
+
+.. math:: E = \sum_e w_e E_e + G_m(w) \sum_e w_e B_e
+
+with the illuminances E_e of sensors and B_e of blocks of cells by the element e, made once for all
+façades, and the paths G_m that met openings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from drcmitsuba.runtime.threads import in_threads
+from drcmitsuba.transport.elements.light import LightByElement
+from drcmitsuba.transport.elements.weights import BESIDES, HOURS, Year
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+MOST_ROWS = 16
+"""Number of different shares of a year up to which the paths G_m(w) become a matrix for each."""
+
+
+@dataclass(frozen=True, eq=False)
+class KnownYear:
+    """Illuminances of a year by element."""
+
+    light: LightByElement
+    L: csr_matrix
+    """Luminances of all bins [cd/m²], shape (time, bin)."""
+    lit: Mapping[int, np.ndarray]
+    """Illuminances of sensors, then of blocks of cells, by every element that gives light and by
+    the light `BESIDES` [lx], shape (replicate, time, receiver)."""
+
+    @staticmethod
+    def nbytes(light: LightByElement, hours: int) -> int:
+        """Memory of a year of so many time stamps [bytes]."""
+        receivers = len(light.positions) + light.besides.blocks.shape[2]
+        lit = sum(each.gives_light for each in (light.besides, *light.elements))
+        return 4 * lit * light.replicates * hours * receivers
+
+    @classmethod
+    def of(cls, light: LightByElement, L: csr_matrix) -> KnownYear:
+        """Sum the light of every element over the bins."""
+        elements, sensors = light.elements, len(light.positions)
+        numbers = [e for e in range(BESIDES, len(elements)) if light.light(e).gives_light]
+        blocks = light.besides.blocks.shape[2]
+        whole = Year.of(L, np.ones((L.shape[0], len(elements)), np.float32), light.sky_bins)
+        shape = (light.replicates, L.shape[0], sensors + blocks)
+        lit = {e: np.zeros(shape, np.float32) for e in numbers}
+
+        def summed(job: tuple[int, int]) -> None:
+            number, r = job
+            own, E = light.light(number), lit[number][r]
+            whole.add(E[:, :sensors], number, own.bins, own.total[r])
+            whole.add(E[:, sensors:], number, own.bins, own.blocks[r])
+
+        in_threads(summed, [(e, r) for e in numbers for r in range(light.replicates)])
+        return cls(light, L, lit)
+
+    def illuminance(self, shares: np.ndarray, hours: np.ndarray | None = None) -> np.ndarray:
+        """Illuminance of a façade.
+
+        Parameters
+        ----------
+        shares : np.ndarray, shape (time, element), or (element,) for all time stamps
+            Share of its opening that every element takes.
+        hours : np.ndarray of int, optional
+            Time stamps of the year that are asked for, in rising order; by default all of them.
+
+        Returns
+        -------
+        np.ndarray, shape (replicate, time, sensor)
+            E [lx].
+        """
+        hours = np.arange(self.L.shape[0]) if hours is None else hours
+        if shares.ndim == 1:
+            rows, of_hour = shares[None], np.zeros(len(hours), int)
+        else:
+            rows, of_hour = np.unique(shares, axis=0, return_inverse=True)
+        light = self.light
+        E = np.empty((light.replicates, len(hours), len(light.positions)), np.float32)
+        if len(rows) > MOST_ROWS:
+            self._by_hour(E, rows[of_hour], hours)
+        elif len(hours):
+            self._by_row(E, rows, of_hour, hours)
+        return E
+
+    def _by_row(
+        self, E: np.ndarray, rows: np.ndarray, of_hour: np.ndarray, hours: np.ndarray
+    ) -> None:
+        """Fill in E of few different shares (row, element), each of which holds in many hours."""
+        pieces = [
+            (row, hours_of[start : start + HOURS])
+            for row, hours_of in enumerate(np.flatnonzero(of_hour == k) for k in range(len(rows)))
+            for start in range(0, len(hours_of), HOURS)
+        ]
+
+        def of_replicate(r: int) -> None:
+            G = [np.ascontiguousarray(self.light.returned[r].weighed(row).T) for row in rows]
+            for row, at in pieces:
+                X = self._weighed(r, rows[row], hours[at])
+                sensors = E.shape[2]
+                E[r, at] = X[:, :sensors] + X[:, sensors:] @ G[row]
+
+        in_threads(of_replicate, range(len(E)))
+
+    def _by_hour(self, E: np.ndarray, shares: np.ndarray, hours: np.ndarray) -> None:
+        """Fill in E of shares (time, element) that differ from hour to hour."""
+        year = Year.of(self.L[hours], shares, self.light.sky_bins)
+
+        def of_replicate(r: int) -> None:
+            X = self._weighed(r, shares, hours)
+            E[r] = X[:, : E.shape[2]]
+            self.light.returned[r].add(E[r], X[:, E.shape[2] :], year)
+
+        in_threads(of_replicate, range(len(E)))
+
+    def _weighed(self, replicate: int, shares: np.ndarray, hours: np.ndarray) -> np.ndarray:
+        """Σ w_e of all elements' light at some hours (hour, receiver), shares (…, element)."""
+        out = None
+        for number, lit in self.lit.items():
+            share = np.ones((), np.float32) if number == BESIDES else shares[..., number]
+            if not share.any():
+                continue
+            part = lit[replicate][_run(hours)]
+            if not (share == 1).all():
+                part = part * share[..., None]
+            out = part if out is None else out + part
+        if out is None:
+            receivers = len(self.light.positions) + self.light.besides.blocks.shape[2]
+            return np.zeros((len(hours), receivers), np.float32)
+        return out
+
+
+def _run(places: np.ndarray) -> slice | np.ndarray:
+    """Places in rising order, as a slice where none is left out."""
+    first, last = int(places[0]), int(places[-1])
+    return slice(first, last + 1) if last - first + 1 == len(places) else places

@@ -1,0 +1,84 @@
+"""Façades of a year by element, summed without coefficients, against sums over bins."""
+
+import numpy as np
+import pytest
+from scipy.sparse import csr_matrix
+
+from drcmitsuba.runtime import backend
+from drcmitsuba.scene.enabled_effects import EnabledEffects
+from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.transport import elements
+from drcmitsuba.transport.elements import known_year
+from drcmitsuba.transport.elements.known_year import KnownYear
+from drcmitsuba.transport.elements.marked_light import MarkedLight
+from drcmitsuba.transport.elements.paths import SolvedReturn
+from tests.unit.transport.exact_scenes import OPPOSITE, SUNS
+from tests.unit.transport.test_light_by_element import case
+
+HOURS = 150
+
+
+@pytest.fixture(scope="module", params=["paths", "cells"])
+def year(request):
+    """Light that openings send back on paths, or solved on cells."""
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
+    effects = EnabledEffects(solved_cells=request.param == "cells")
+    one = case(furniture=[OPPOSITE])
+    light = elements.compute(one, PaneGroups.of(one), SUNS, one.accuracy, effects)
+    kind = SolvedReturn if request.param == "cells" else MarkedLight
+    assert all(isinstance(returned, kind) for returned in light.returned)
+    rng = np.random.default_rng(4)
+    L = rng.random((HOURS, len(light.labels))).astype(np.float32)
+    L[:, light.sky_bins :] *= rng.random((HOURS, len(light.labels) - light.sky_bins)) < 0.3
+    return KnownYear.of(light, csr_matrix(L))
+
+
+def indices(count):
+    """So many different states of the openings, some hours each."""
+    every = np.stack(np.meshgrid(range(3), range(2), [0]), axis=-1).reshape(-1, 3)
+    return every[np.random.default_rng(2).integers(0, count, HOURS)]
+
+
+def expected(year, shares):
+    """E by coefficients of every state."""
+    L, E = year.L.toarray(), None
+    for row in np.unique(shares, axis=0):
+        here = (shares == row).all(axis=1)
+        C = year.light.coefficients(row)["replicates"].values
+        E = np.empty((len(C), HOURS, C.shape[1])) if E is None else E
+        E[:, here] = np.einsum("tb,rsb->rts", L[here], C)
+    return E
+
+
+def test_a_year_is_c_of_its_states_times_l(year):
+    shares = year.light.shares(indices(6))
+    np.testing.assert_allclose(year.illuminance(shares), expected(year, shares), rtol=2e-5)
+
+
+def test_a_year_of_many_states_is_the_sum_over_bins_hour_by_hour(year, monkeypatch):
+    monkeypatch.setattr(known_year, "MOST_ROWS", 0)
+    shares = year.light.shares(indices(6))
+    by_bins = np.stack([*year.light.illuminance(year.L, shares)])
+    np.testing.assert_allclose(year.illuminance(shares), by_bins, rtol=2e-5)
+
+
+def test_some_hours_are_those_of_the_year(year):
+    shares = year.light.shares(np.array([1, 0, 0]))
+    hours = np.flatnonzero(np.random.default_rng(3).random(HOURS) < 0.2)
+    some = year.illuminance(shares, hours)
+    np.testing.assert_allclose(some, year.illuminance(shares)[:, hours], rtol=1e-6)
+    assert year.illuminance(shares, hours[:0]).shape[1] == 0
+
+
+def test_straight_light_is_that_of_the_coefficients(year):
+    light, shares = year.light, year.light.shares(np.array([0, 1, 0]))
+    bins = np.arange(0, len(light.labels), 3)
+    C = light.coefficients(shares)
+    mean, error = light.straight(shares, bins)
+    np.testing.assert_array_equal(mean.T, C["straight"].values[:, bins])
+    np.testing.assert_array_equal(error.T, C["straight_se"].values[:, bins])
+    assert mean.any()
+
+
+def test_its_memory_is_known_before(year):
+    assert KnownYear.nbytes(year.light, HOURS) == sum(E.nbytes for E in year.lit.values())
