@@ -4,8 +4,8 @@ errors
     `InputError`, which describes a user's mistake in one line; `BackendError`.
 toml
     Reading and checking of the tables of a file.
-backend
-    The compiler backend: LLVM on the processor, CUDA on a GPU.
+backend, llvm_library
+    The compiler backend: LLVM on the processor, CUDA on a GPU; the library of LLVM.
 compilation
     What a run compiled, and how long that took.
 machine_speed
