@@ -30,6 +30,8 @@ process
     A job in a process of its own.
 ray_counter
     Number of rays by kind and purpose.
+release
+    The version of the program.
 content_key, provenance
     Digest of content; what made a number: its inputs and the program.
 random_streams

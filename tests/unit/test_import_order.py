@@ -10,10 +10,10 @@ import re
 import sys
 from collections import defaultdict
 from graphlib import TopologicalSorter
+from importlib.util import find_spec
+from pathlib import Path
 
 import pytest
-
-from tests import ROOT
 
 ROOMS = [
     "schema", "runtime", "blocks", "model", "case", "sky", "bsdf", "scene", "goniophotometer",
@@ -21,7 +21,9 @@ ROOMS = [
     "annual", "rendering", "glare_year", "design", "cli",
 ]  # fmt: skip
 MOST_FLOORS = 10
-FOLDERS = {"drcmitsuba": ROOT / "drcmitsuba", "drcmitsuba_plugins": ROOT / "plugins"}
+FOLDERS = {
+    name: Path(find_spec(name).origin).parent for name in ("drcmitsuba", "drcmitsuba_plugins")
+}
 MODULES = {
     ".".join((package, *file.relative_to(folder).with_suffix("").parts)).removesuffix(
         ".__init__"
@@ -144,6 +146,6 @@ def test_what_follows_from_a_case_is_found_in_one_place():
     """Groups of panes and sensors are those of `scene.prepared_case`, found once for a case."""
     own = {"scene/prepared_case.py", "scene/sensors.py", "scene/pane_groups.py"}
     finders = re.compile(r"\b(?:sensor_points|sensor_coordinates|PaneGroups\.of(?:_windows)?)\(")
-    for file in sorted((ROOT / "drcmitsuba").rglob("*.py")):
-        if str(file.relative_to(ROOT / "drcmitsuba")) not in own:
+    for file in sorted(FOLDERS["drcmitsuba"].rglob("*.py")):
+        if file.relative_to(FOLDERS["drcmitsuba"]).as_posix() not in own:
             assert not finders.findall(file.read_text(encoding="utf-8")), file
