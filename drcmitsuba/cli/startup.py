@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import importlib
+import logging
 import os
 import platform
 import sys
@@ -11,9 +12,11 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import wraps
+from pathlib import Path
 from typing import ParamSpec, TypeVar
 
-from drcmitsuba.runtime import interruption, lazy
+from drcmitsuba.cli.terminal import show_progress
+from drcmitsuba.runtime import interruption, kernel_folder, lazy
 from drcmitsuba.runtime.errors import BackendError, on_a_line
 from drcmitsuba.runtime.progress import Progress, Stage
 
@@ -73,6 +76,17 @@ def _without_mitsuba(error: ImportError) -> BackendError:
     )
 
 
+def _told_of_what_is_not_kept() -> None:
+    """Tell in one line that kernels are not kept, and leave out what Matplotlib says of its fonts.
+
+    Both keep files in the user's home, which may be read-only, and do their work without them.
+    """
+    if line := kernel_folder.check():
+        show_progress(f"note: {line}")
+    if not os.access(Path("~").expanduser(), os.W_OK):
+        logging.getLogger("matplotlib").setLevel(logging.ERROR)
+
+
 def with_kernels(command: Callable[P, T]) -> Callable[P, T]:
     """Make a command import Mitsuba first; Ctrl-C during the import ends the process at once."""
 
@@ -82,6 +96,7 @@ def with_kernels(command: Callable[P, T]) -> Callable[P, T]:
             gc.disable()  # modules and their classes are no garbage
             numpy = importlib.import_module("numpy")
             setattr(numpy, COMPILER, lazy.module(f"numpy.{COMPILER}"))
+            _told_of_what_is_not_kept()
             lines: list[str] = []
             try:
                 with _native_code_heard(lines):  # waits for the thread in which LLVM is looked for

@@ -6,8 +6,8 @@ toml
     Reading and checking of the tables of a file.
 backend, llvm_library
     The compiler backend: LLVM on the processor, CUDA on a GPU; the library of LLVM.
-compilation
-    What a run compiled, and how long that took.
+compilation, kernel_folder
+    What a run compiled, how long that took, and where kernels are kept.
 machine_speed
     Speed of this machine relative to the one on which costs were measured.
 progress

@@ -18,7 +18,7 @@ import drjit as dr
 import mitsuba as mi
 from drcmitsuba_plugins.symbolic import rewriting_later
 
-from drcmitsuba.runtime import llvm_library
+from drcmitsuba.runtime import kernel_folder, llvm_library
 from drcmitsuba.runtime.errors import BackendError, on_a_line
 
 REMEDY = (
@@ -164,6 +164,7 @@ def report() -> dict[str, str]:
     out |= {
         "GPU (CUDA)": "found" if cuda_available() else missing,
         "threads": str(dr.thread_count()),
+        "kernels": kernel_folder.check() or f"kept in {kernel_folder.kernel_folder()}",
     }
     for package in ("drcmitsuba", "mitsuba", "drjit", "numpy", "xarray", "zarr", "pvlib"):
         out[package] = metadata.version(package)
