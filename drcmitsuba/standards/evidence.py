@@ -21,7 +21,6 @@ from drcmitsuba.metrics.intervals.year_draws import closures_of
 from drcmitsuba.metrics.stored_arrays import loaded, open_dataset
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.provenance import METHOD
-from drcmitsuba.runtime.release import RELEASE
 from drcmitsuba.runtime.toml import checked
 from drcmitsuba.schema import by_luminance
 from drcmitsuba.sky.daylight import Daylight
@@ -160,8 +159,9 @@ class Evidence:
         E = open_dataset(path, *(n + s for n in OF_E for s in ("", "_se")), "time", *"xyz")
         unused = [n for n in E.data_vars if str(n).removesuffix("_se") not in (*OF_E, "sun_group")]
         E = loaded(path, E.drop_vars(unused))  # coordinates stay, the states of groups among them
-        _check_method(path, E.attrs)
-        C, sky = _coefficients(folder / "coefficients.zarr", E), _sky(folder / "sky.zarr", E)
+        C = _coefficients(folder / "coefficients.zarr", E)
+        _check_method(path, {**({} if C is None else C.attrs), **E.attrs})
+        sky = _sky(folder / "sky.zarr", E)
         year = None if sky is None else _year(folder / "year.zarr", sky)
         settings = settings_of(E.attrs, path, rules_of(E.attrs, path, {}).metrics)
         known = {k: v for k, v in settings.items() if k in Case.model_fields}
@@ -170,10 +170,13 @@ class Evidence:
 
 
 def _check_method(path: Path, attributes: dict[Any, Any]) -> None:
-    """Refuse results of another method: the same settings would give other numbers."""
-    if str(attributes.get("method")) != str(METHOD):
-        release = attributes.get("version", "unknown")
-        got = f"of version {release}, which computes numbers otherwise than {RELEASE}"
+    """Refuse results of another method: the same settings would give other numbers.
+
+    Version 0.1.0 named the method in C alone.
+    """
+    theirs = attributes.get("method", "unknown")
+    if str(theirs) != str(METHOD):
+        got = f"{theirs}, of version {attributes.get('version', 'unknown')}, not {METHOD}"
         raise InputError(path, "method", got, "evaluate the case again")
 
 

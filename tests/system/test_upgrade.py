@@ -57,8 +57,19 @@ def test_blocks_of_the_cache_are_made_anew_with_a_line(older, monkeypatch, capsy
 def test_results_are_not_judged(older, refused, monkeypatch, command):
     monkeypatch.chdir(older)
     line = refused(*command)
-    assert line.startswith("results/illuminance.nc: method: of version 0.1.0, which computes ")
-    assert line.endswith("; evaluate the case again")
+    start = f"results/illuminance.nc: method: {OLDER}, of version 0.1.0, not {provenance.METHOD}"
+    assert line == f"{start}; evaluate the case again"
+
+
+def test_results_of_the_same_method_are_judged(older, monkeypatch):
+    """Whatever their version: 0.1.0 named the method in its coefficients."""
+    for name in (".zattrs", ".zmetadata"):
+        file = older / "results" / "coefficients.zarr" / name
+        text = file.read_text("utf-8")
+        assert text.count(f'"method": {OLDER}') == 1
+        file.write_text(text.replace(f'"method": {OLDER}', f'"method": {provenance.METHOD}'))
+    run(monkeypatch, "report", older / "results", "-o", older / "page.html")
+    assert (older / "page.html").stat().st_size > 0
 
 
 def test_results_are_shown(older, monkeypatch, capsys):
