@@ -3,13 +3,12 @@
 import sys
 from pathlib import Path
 
-import mitsuba as mi
-
 import drcmitsuba
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
 import generated  # noqa: E402
+import mitsuba as mi  # noqa: E402  after drcmitsuba, which names LLVM
 
 drcmitsuba.backend.select()
 mi.set_variant("llvm_ad_rgb" if mi.variant().startswith("llvm") else "cuda_ad_rgb")

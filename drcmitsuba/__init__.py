@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from drcmitsuba.transport import coefficients as coefficients
     from drcmitsuba.transport.windows.view_rays import view_distances as view_distances
 
-__version__ = "0.1.0"
+    __version__: str
 
 _NAMES = {
     "BackendError": "runtime.errors:BackendError",
@@ -71,6 +71,7 @@ _NAMES = {
     "shipped_cases": "case.shipped:shipped_cases",
     "view_distances": "transport.windows.view_rays:view_distances",
     "weather": "sky.weather",
+    "__version__": "runtime.release:RELEASE",
 }
 _ROOMS = (
     "annual", "blocks", "bsdf", "case", "controls", "design", "export", "glare_year",
@@ -83,4 +84,4 @@ __getattr__ = lazy.attributes(__name__, _NAMES)
 
 
 def __dir__() -> list[str]:
-    return sorted([*_NAMES, *_ROOMS, "__doc__", "__version__"])
+    return sorted([*_NAMES, *_ROOMS, "__doc__"])

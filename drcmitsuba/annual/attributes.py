@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from drcmitsuba.case.sensors import PointSensors
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.runtime.provenance import METHOD
+from drcmitsuba.runtime.release import RELEASE
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.structures.recipe import Mesh, load_recipe
@@ -91,7 +91,7 @@ def attributes(case: Case, daylight: Daylight, enabled_effects: EnabledEffects) 
         **{name: daylight.sky.attrs[name] for name in illuminance.SUN_OF},
         **case.metrics.model_dump(),
         "weather": daylight.source,
-        "version": version("drcmitsuba"),
+        "version": RELEASE,
         "method": METHOD,
         "spaces": spaces_text(case),
         "settings": json.dumps(settings(case, daylight), ensure_ascii=False),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -27,6 +26,7 @@ from drcmitsuba.runtime.errors import BackendError, InputError
 from drcmitsuba.runtime.folder_lock import locked
 from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.runtime.provenance import Provenance, StoredKeys
+from drcmitsuba.runtime.release import RELEASE
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
 from drcmitsuba.sky.daylight import Daylight, daylight
 
@@ -290,7 +290,7 @@ def _key(case: Case) -> str:
 
 def _provenance(case: Case) -> Provenance:
     inputs = fingerprint(case, ALL_EFFECTS), case.model_dump_json(), _files_of_weather(case)
-    return Provenance.of(*inputs, release=version("drcmitsuba"))
+    return Provenance.of(*inputs, release=RELEASE)
 
 
 def _stored(file: Path) -> Mapping[str, Any] | None:

@@ -16,7 +16,6 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -35,6 +34,7 @@ from drcmitsuba.runtime.errors import InputError, was_stopped
 from drcmitsuba.runtime.interruption import kept_from_children
 from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.runtime.provenance import program
+from drcmitsuba.runtime.release import RELEASE
 from drcmitsuba.sky.sun_models import Suns
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ class Job(Protocol):
 
 def versions() -> dict[str, str]:
     """Versions on which blocks depend, by name, in this process."""
-    return {**program(), "byte order": sys.byteorder, "drcmitsuba": version("drcmitsuba")}
+    return {**program(), "byte order": sys.byteorder, "drcmitsuba": RELEASE}
 
 
 def _refuse_others(expected: dict[str, str]) -> None:

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import gc
 import importlib
+import logging
 import os
+import platform
 import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import wraps
+from pathlib import Path
 from typing import ParamSpec, TypeVar
 
-from drcmitsuba.runtime import interruption, lazy
+from drcmitsuba.cli.terminal import show_progress
+from drcmitsuba.runtime import interruption, kernel_folder, lazy
+from drcmitsuba.runtime.errors import BackendError, on_a_line
 from drcmitsuba.runtime.progress import Progress, Stage
 
 WHILE = "open façade"
@@ -36,27 +41,53 @@ T = TypeVar("T")
 
 
 @contextmanager
-def _native_code_unheard() -> Iterator[None]:
-    """Discard the messages of compiled code on stderr, in the command's own process.
+def _native_code_heard(lines: list[str]) -> Iterator[None]:
+    """Keep the messages of compiled code on stderr to ourselves, in the command's own process.
 
-    During its import Dr.Jit looks for LLVM and complains of an unfit one, before its log level can
-    be set. `backend.check_llvm` reports it in one line, and only where LLVM is needed.
+    During its import Dr.Jit looks for LLVM and a GPU and complains of unfit ones, before its log
+    level can be set. `backend` reports them in one line, and only where they are needed.
     """
     try:
         stderr = os.dup(2)
     except OSError:  # stderr is closed
         yield
         return
-    null = os.open(os.devnull, os.O_WRONLY)
+    read, write = os.pipe()
     interruption.descriptor = stderr
-    os.dup2(null, 2)
+    os.dup2(write, 2)
+    os.close(write)
+    with suppress(OSError, AttributeError):  # what no longer fits into the pipe is lost
+        os.set_blocking(2, False)
     try:
         yield
     finally:
-        os.dup2(stderr, 2)
+        os.dup2(stderr, 2)  # nobody has the other end of the pipe any more: it ends
         interruption.descriptor = 2
         os.close(stderr)
-        os.close(null)
+        with os.fdopen(read, encoding="utf-8", errors="replace") as pipe:
+            lines += pipe.read().splitlines()
+
+
+def _without_mitsuba(error: ImportError) -> BackendError:
+    """Error of a Python that cannot import Mitsuba."""
+    bits = 64 if sys.maxsize > 2**32 else 32
+    python = f"{platform.python_implementation()} {platform.python_version()}"
+    return BackendError(
+        f"{python} ({bits} bit, {platform.system()} {platform.machine()}) cannot import Mitsuba: "
+        f"{on_a_line(str(error))}; install drcmitsuba in CPython 3.10 to 3.14 of 64 bit, on Linux "
+        "(x86-64, arm64), macOS (arm64) or Windows (x86-64)"
+    )
+
+
+def _told_of_what_is_not_kept() -> None:
+    """Tell in one line that kernels are not kept, and leave out what Matplotlib says of its fonts.
+
+    Both keep files in the user's home, which may be read-only, and do their work without them.
+    """
+    if line := kernel_folder.check():
+        show_progress(f"note: {line}")
+    if not os.access(Path("~").expanduser(), os.W_OK):
+        logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
 
 def with_kernels(command: Callable[P, T]) -> Callable[P, T]:
@@ -68,8 +99,15 @@ def with_kernels(command: Callable[P, T]) -> Callable[P, T]:
             gc.disable()  # modules and their classes are no garbage
             numpy = importlib.import_module("numpy")
             setattr(numpy, COMPILER, lazy.module(f"numpy.{COMPILER}"))
-            with _native_code_unheard():  # waits for the thread in which Dr.Jit looks for LLVM
-                importlib.import_module("drcmitsuba.runtime.backend").llvm_version()
+            _told_of_what_is_not_kept()
+            lines: list[str] = []
+            try:
+                with _native_code_heard(lines):  # waits for the thread in which LLVM is looked for
+                    backend = importlib.import_module("drcmitsuba.runtime.backend")
+                    backend.llvm_version()
+            except ImportError as error:
+                raise _without_mitsuba(error) from error
+            backend.heard.extend(lines)
             lazy.hide(CHUNKS)
             importlib.import_module("drcmitsuba.annual.result")
             gc.freeze()

@@ -64,7 +64,7 @@ have in each; 0 and None allow none."""
 KEPT = (
     "case", "has_shade", "shade_threshold", "shade_area", "groups", "schedule", "sda_threshold",
     "sda_fraction", "ase_threshold", "ase_hours", "latitude", "longitude", "timezone", "sun_time",
-    "weather", "version", "settings", "spaces",
+    "weather", "version", "method", "settings", "spaces",
 )  # fmt: skip
 """Attributes of C that E keeps."""
 

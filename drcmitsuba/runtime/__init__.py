@@ -4,10 +4,10 @@ errors
     `InputError`, which describes a user's mistake in one line; `BackendError`.
 toml
     Reading and checking of the tables of a file.
-backend
-    The compiler backend: LLVM on the processor, CUDA on a GPU.
-compilation
-    What a run compiled, and how long that took.
+backend, llvm_library
+    The compiler backend: LLVM on the processor, CUDA on a GPU; the library of LLVM.
+compilation, kernel_folder
+    What a run compiled, how long that took, and where kernels are kept.
 machine_speed
     Speed of this machine relative to the one on which costs were measured.
 machine_memory
@@ -32,6 +32,8 @@ process
     A job in a process of its own.
 ray_counter
     Number of rays by kind and purpose.
+release
+    The version of the program.
 content_key, provenance
     Digest of content; what made a number: its inputs and the program.
 random_streams

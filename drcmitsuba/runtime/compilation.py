@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import drjit as dr
 
+from drcmitsuba.runtime import kernel_folder
 from drcmitsuba.runtime.progress import Progress, Stage
 
 LEAST = 0.5
@@ -38,9 +39,10 @@ class Compilation:
         if self.seconds < LEAST:
             return ""
         stages = ", ".join(f"{name} {count}" for name, count in self.kernels.items())
+        later = "they are kept: later runs take less time"
         return (
             f"compiled {sum(self.kernels.values())} kernels in {self.seconds:.1f} s ({stages}); "
-            "they are kept: later runs take less time"
+            f"{later if kernel_folder.are_kept() else 'they are not kept'}"
         )
 
 

@@ -1,7 +1,8 @@
-"""Registration of the plugins as soon as any module imports Mitsuba.
+"""What is done as soon as any module imports Dr.Jit or Mitsuba: LLVM is found, plugins registered.
 
-Importing Mitsuba takes seconds and searches LLVM, so `import drcmitsuba` does not import it. The
-plugins are registered at once where Mitsuba is imported already, else right after its import.
+Importing Mitsuba takes seconds, so `import drcmitsuba` does not import it. The library of LLVM is
+named before Dr.Jit looks for it. The plugins are registered at once where Mitsuba is imported
+already, else right after its import.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 
 
-class _AfterMitsuba(MetaPathFinder):
-    """Finder that leaves Mitsuba to the other finders, and imports the plugins after it."""
+class _AroundMitsuba(MetaPathFinder):
+    """Finder that leaves Dr.Jit and Mitsuba to the other finders, and acts before and after."""
 
     def __init__(self) -> None:
         self._is_searching = False
@@ -25,6 +26,8 @@ class _AfterMitsuba(MetaPathFinder):
         self, name: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
         """Return the spec of Mitsuba with a loader that registers the plugins afterwards."""
+        if name == "drjit":
+            importlib.import_module("drcmitsuba.runtime.llvm_library").use()
         if name != "mitsuba" or self._is_searching:
             return None
         self._is_searching = True
@@ -51,5 +54,5 @@ def register_plugins() -> None:
     """Make the plugins known to Mitsuba, now or as soon as it is imported."""
     if "mitsuba" in sys.modules:
         _register()
-    elif not any(isinstance(finder, _AfterMitsuba) for finder in sys.meta_path):
-        sys.meta_path.insert(0, _AfterMitsuba())
+    elif not any(isinstance(finder, _AroundMitsuba) for finder in sys.meta_path):
+        sys.meta_path.insert(0, _AroundMitsuba())

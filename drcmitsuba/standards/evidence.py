@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -21,6 +20,7 @@ from drcmitsuba.metrics.intervals.sun import SunDraws, draw_sun
 from drcmitsuba.metrics.intervals.year_draws import closures_of
 from drcmitsuba.metrics.stored_arrays import loaded, open_dataset
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.provenance import METHOD
 from drcmitsuba.runtime.toml import checked
 from drcmitsuba.schema import by_luminance
 from drcmitsuba.sky.daylight import Daylight
@@ -152,7 +152,7 @@ class Evidence:
         Raises
         ------
         InputError
-            No illuminance, files that are damaged, of another version or of different evaluations.
+            No illuminance, files that are damaged, of another method or of different evaluations.
         """
         folder = Path(folder)
         path = folder / "illuminance.nc"
@@ -161,8 +161,9 @@ class Evidence:
         E = open_dataset(path, *(n + s for n in OF_E for s in ("", "_se")), "time", *"xyz")
         unused = [n for n in E.data_vars if str(n).removesuffix("_se") not in (*OF_E, "sun_group")]
         E = loaded(path, E.drop_vars(unused))  # coordinates stay, the states of groups among them
-        _check_version(path, E.attrs)
-        C, sky = _coefficients(folder / "coefficients.zarr", E), _sky(folder / "sky.zarr", E)
+        C = _coefficients(folder / "coefficients.zarr", E)
+        _check_method(path, {**({} if C is None else C.attrs), **E.attrs})
+        sky = _sky(folder / "sky.zarr", E)
         year = None if sky is None else _year(folder / "year.zarr", sky)
         settings = settings_of(E.attrs, path, rules_of(E.attrs, path, {}).metrics)
         known = {k: v for k, v in settings.items() if k in Case.model_fields}
@@ -170,12 +171,15 @@ class Evidence:
         return cls(E, C, sky, arguments, str(folder), year)
 
 
-def _check_version(path: Path, attributes: dict[Any, Any]) -> None:
-    """Refuse results of another version: its metrics may have been others."""
-    ours, theirs = version("drcmitsuba"), str(attributes.get("version", "unknown"))
-    if theirs != ours:
-        got = f"{theirs}, but this is {ours}"
-        raise InputError(path, "version", got, "evaluate the case again")
+def _check_method(path: Path, attributes: dict[Any, Any]) -> None:
+    """Refuse results of another method: the same settings would give other numbers.
+
+    Version 0.1.0 named the method in C alone.
+    """
+    theirs = attributes.get("method", "unknown")
+    if str(theirs) != str(METHOD):
+        got = f"{theirs}, of version {attributes.get('version', 'unknown')}, not {METHOD}"
+        raise InputError(path, "method", got, "evaluate the case again")
 
 
 def _coefficients(path: Path, E: xr.Dataset) -> Coefficients | None:

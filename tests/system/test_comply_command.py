@@ -230,8 +230,10 @@ def test_other_versions_missing_files_and_mixed_results_are_refused(refused, cop
     path = copied / "illuminance.nc"
     with xr.open_dataset(path, engine="h5netcdf") as data:
         E = data.load()
-    E.assign_attrs(version="0.0.1").to_netcdf(path, engine="h5netcdf")
-    assert "version: 0.0.1, but this is" in refused("comply", copied, "--standard", "leed-v4.1")
+    E.assign_attrs(version="0.1.0", method=1).to_netcdf(path, engine="h5netcdf")
+    line = refused("comply", copied, "--standard", "leed-v4.1")
+    assert "method: 1, of version 0.1.0, not " in line
+    assert line.endswith("evaluate the case again")
     E.assign_attrs(settings='{"name": "other"}').to_netcdf(path, engine="h5netcdf")
     assert "another evaluation" in refused("comply", copied, "--standard", "leed-v4.1")
     E.isel(time=slice(0, 3000)).to_netcdf(path, engine="h5netcdf")
@@ -243,7 +245,7 @@ def test_other_versions_missing_files_and_mixed_results_are_refused(refused, cop
 @pytest.mark.parametrize(
     "change",
     [
-        lambda E: E.assign_attrs(version=[0, 1]),
+        lambda E: E.assign_attrs(method=[0, 1]),
         lambda E: E.assign_attrs(step_hours=-1.0),
         lambda E: E.assign_attrs(settings="{"),
         lambda E: E.assign_attrs(settings='{"accuracy": {"replicates": "many"}}'),

@@ -10,10 +10,10 @@ import re
 import sys
 from collections import defaultdict
 from graphlib import TopologicalSorter
+from importlib.util import find_spec
+from pathlib import Path
 
 import pytest
-
-from tests import ROOT
 
 ROOMS = [
     "schema", "runtime", "blocks", "model", "case", "sky", "bsdf", "scene", "goniophotometer",
@@ -21,13 +21,20 @@ ROOMS = [
     "annual", "rendering", "glare_year", "design", "cli",
 ]  # fmt: skip
 MOST_FLOORS = 10
-FOLDERS = {"drcmitsuba": ROOT / "drcmitsuba", "drcmitsuba_plugins": ROOT / "plugins"}
-MODULES = {
-    ".".join((package, *file.relative_to(folder).with_suffix("").parts)).removesuffix(
-        ".__init__"
-    ): file
+FOLDERS = {
+    name: Path(find_spec(name).origin).parent for name in ("drcmitsuba", "drcmitsuba_plugins")
+}
+FILES = {
+    file: package
     for package, folder in FOLDERS.items()
     for file in folder.rglob("*.py")
+    if "scenes" not in file.relative_to(folder).parts[:1]  # data, beside the rooms of a wheel
+}
+MODULES = {
+    ".".join((package, *file.relative_to(FOLDERS[package]).with_suffix("").parts)).removesuffix(
+        ".__init__"
+    ): file
+    for file, package in FILES.items()
 }
 
 
@@ -60,7 +67,7 @@ OF_ROOMS = sorted(module for module in MODULES if module.startswith("drcmitsuba.
 def test_every_entry_of_the_package_is_a_room():
     files = [path for path in FOLDERS["drcmitsuba"].iterdir() if path.suffix in ("", ".py")]
     entries = {path.stem for path in files if path.stem[0] != "_"}
-    assert entries == set(ROOMS)
+    assert entries - {"scenes"} == set(ROOMS)  # a wheel has its data there
     assert [room for room in ROOMS if not (FOLDERS["drcmitsuba"] / room).is_dir()] == ["schema"]
 
 
@@ -136,7 +143,7 @@ def test_no_import_cycle():
 
 
 def test_every_folder_with_modules_is_a_package():
-    folders = {file.parent for folder in FOLDERS.values() for file in folder.rglob("*.py")}
+    folders = {file.parent for file in FILES}
     assert [folder for folder in folders if not (folder / "__init__.py").is_file()] == []
 
 
@@ -144,6 +151,6 @@ def test_what_follows_from_a_case_is_found_in_one_place():
     """Groups of panes and sensors are those of `scene.prepared_case`, found once for a case."""
     own = {"scene/prepared_case.py", "scene/sensors.py", "scene/pane_groups.py"}
     finders = re.compile(r"\b(?:sensor_points|sensor_coordinates|PaneGroups\.of(?:_windows)?)\(")
-    for file in sorted((ROOT / "drcmitsuba").rglob("*.py")):
-        if str(file.relative_to(ROOT / "drcmitsuba")) not in own:
+    for file in sorted(FOLDERS["drcmitsuba"].rglob("*.py")):
+        if file.relative_to(FOLDERS["drcmitsuba"]).as_posix() not in own:
             assert not finders.findall(file.read_text(encoding="utf-8")), file

@@ -260,7 +260,7 @@ def test_an_unreadable_file_is_refused(tmp_path):
     file = tmp_path / "case.toml"
     file.write_text(CASE)
     file.chmod(0)
-    with pytest.raises(InputError, match="Permission denied; check its rights"):
+    with pytest.raises(InputError, match="Permission denied; check its path and rights"):
         load_case(file)
 
 

@@ -3,6 +3,7 @@
 import json
 import re
 import string
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from drcmitsuba.report.document.table import Number, PageTable, interval, share,
 from drcmitsuba.standards.deciding import WORDS
 from tests import ROOT
 
-TEMPLATES = ROOT / "drcmitsuba" / "report" / "document" / "templates"
+TEMPLATES = Path(record.__file__).parent / "templates"
 
 
 @pytest.mark.parametrize("most", [1, 255, 256, 65_535, 65_536, 2**32 - 1])

@@ -12,7 +12,11 @@ from drcmitsuba.scene.meshes import quad_mesh
 from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 
 PACKAGE = Path(drcmitsuba.__file__).parent
-ALONE = {Path("scene/mitsuba_scenes.py"), Path("runtime/machine_speed.py")}
+ALONE = {
+    Path("scene/mitsuba_scenes.py"),
+    Path("runtime/machine_speed.py"),
+    Path("runtime/backend.py"),  # sees whether a GPU can trace rays
+}
 """The only modules that make scenes by themselves."""
 
 
