@@ -21,7 +21,7 @@ import xarray as xr
 from drcmitsuba.annual.attributes import attributes
 from drcmitsuba.annual.choice import Choice, ChosenFills
 from drcmitsuba.annual.chosen_facade import ChosenFacade, KnownLight, light_of_channels
-from drcmitsuba.annual.recombined_year import recombined_year, with_sources
+from drcmitsuba.annual.recombined_year import recombined_year, with_open_state
 from drcmitsuba.annual.result import Result, summed_up
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.summed_year import accuracy_of
@@ -116,7 +116,7 @@ class Elements:
                 )
         planned = self.planned.summed(always=True)
         result = summed_up(planned, coefficients, evaluated, run, self._notes)
-        E = with_sources(result.illuminance, coefficients, year.daylight)
+        E = with_open_state(result.illuminance, facade, coefficients, year.daylight)
         return replace(result, illuminance=E, daylight=year.daylight)
 
     def illuminance(self, choice: Choice | None = None) -> xr.Dataset:

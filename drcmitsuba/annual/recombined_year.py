@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +21,9 @@ from drcmitsuba.runtime.progress import silent
 from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.schema import describe
 from drcmitsuba.sky.daylight import Daylight
+
+ENDS = ("", "_se")
+"""Endings of the names of a quantity and of its standard error."""
 
 
 def recombined_year(
@@ -64,23 +68,39 @@ def recombined_year(
             others[state] = facade.year(daylight, FacadeStates.of(marked, direct).of_group)
         else:
             others[state] = facade.known(daylight, state, np.flatnonzero(hours))
-    known = Coefficients(facade.known(daylight, OPEN), others)
+    opens = None if shade is None else np.flatnonzero(shade.closures.possible[0])
+    known = Coefficients(facade.known(daylight, OPEN, opens), others)
     later = LaterCoefficients(marked, lambda: coefficients(daylight))
     return SimulatedYear(known, direct, shade, daylight), later
 
 
-def with_sources(E: xr.Dataset, coefficients: Coefficients, daylight: Daylight) -> xr.Dataset:
-    """E [lx] with `sky_open` and `sun_open`, which follow from C when they are asked for."""
-    names = [f"{name}_open{suffix}" for name in ("sky", "sun") for suffix in ("", "_se")]
-    if names[0] in E:
+def with_open_state(
+    E: xr.Dataset, facade: ChosenFacade, coefficients: Coefficients, daylight: Daylight
+) -> xr.Dataset:
+    """E [lx] with that of the open state, and of its sources, which are made when asked for.
+
+    `coefficients` are C of the façade.
+    """
+    if "total_open" in E:
         return E
 
-    def made() -> xr.Dataset:
-        parts = illuminance.by_channel(accumulate.by_source, coefficients.open, daylight.sky)
-        return xr.Dataset({name: parts[name.replace("_open", "")] for name in names})
+    def made(parts: xr.Dataset, names: Sequence[str]) -> xr.Dataset:
+        return xr.Dataset(
+            {f"{name}_open{end}": parts[name + end] for name in names for end in ENDS}
+        )
 
-    later = LaterArrays(made).variables(names, E["total_open"].variable)
-    every = E.assign(later)
-    first = ("direct_sun", "total_open", "sky_open", "sun_open")
-    order = [name + suffix for name in first for suffix in ("", "_se")]
-    return describe(every[[*order, *(name for name in E.data_vars if name not in order)]])
+    def total() -> xr.Dataset:
+        known = facade.known(daylight, OPEN)
+        return made(illuminance.by_channel(accumulate.by_source, known, daylight.sky), ["total"])
+
+    def sources() -> xr.Dataset:
+        C = coefficients.open
+        parts = illuminance.by_channel(accumulate.by_source, C, daylight.sky)
+        return made(parts, ["sky", "sun"])
+
+    like = E["total"].variable
+    later = LaterArrays(total).variables(["total_open", "total_open_se"], like)
+    names = [f"{name}_open{end}" for name in ("sky", "sun") for end in ENDS]
+    later |= LaterArrays(sources).variables(names, like)
+    first = ["direct_sun", "direct_sun_se", *later]  # as `metrics.accumulate.illuminance` has them
+    return describe(E.assign(later)[[*first, *(name for name in E.data_vars if name not in first)]])

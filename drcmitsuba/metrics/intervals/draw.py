@@ -109,7 +109,9 @@ def draw_block(
 
     `grid` (sensor,) is the number of each sensor's grid; the rest as for `draw`.
     """
-    E: dict[Hashable, xr.DataArray] = {name: luminance(illuminance[name]) for name in DRAWN}
+    E: dict[Hashable, xr.DataArray] = {
+        name: luminance(illuminance[name]) for name in DRAWN if name in illuminance
+    }
     t, stamps = rules.metrics, sky.sizes["time"]
     year = YearDraws.of(coefficients, sky, E, sun, shut, seed)
     month = metrics.months(E["total"]) - 1

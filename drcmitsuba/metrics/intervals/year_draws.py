@@ -88,11 +88,15 @@ def open_state(coefficients: Coefficients, sky: xr.Dataset, E: Arrays) -> State:
 
 
 def _states(coefficients: Coefficients, sky: xr.Dataset, E: Arrays, shut: Closures) -> list[State]:
-    """Illuminance of all states at the hours that they are wanted for."""
+    """Illuminance of all states at the hours that they are wanted for.
+
+    E of the open state is known at all hours, or, as of the others, while the façade is in it.
+    """
     everywhere = np.ones(len(shut.state), bool)
     states = []
     for k, (name, wanted) in enumerate(zip(shut.states, shut.possible, strict=True)):
-        suffix, is_known = ("_open", everywhere) if k == 0 else ("", shut.state == k)
+        is_whole = k == 0 and "total_open" in E
+        suffix, is_known = ("_open", everywhere) if is_whole else ("", shut.state == k)
         known = E[f"total{suffix}"].values, E[f"total{suffix}_se"].values
         if name not in coefficients.states:
             remedy = "compute the coefficients of all states"
