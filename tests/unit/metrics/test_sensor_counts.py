@@ -26,15 +26,23 @@ from drcmitsuba.metrics.space_years import SpaceYears
 HOURS, SENSORS, REPLICATES = 48, 40, 4
 EDGES = (0, 7, 8, 25, 40)
 TIMES = np.datetime64("2015-01-20T12", "ns") + np.arange(HOURS) * np.timedelta64(36, "h")
-SUNS = np.array([f"sun_{i}" for i in range(HOURS)], object)
-SKY = xr.Dataset(
-    {"sky": (("time", "bin"), np.zeros((HOURS, 1))), "sun": ("time", np.ones(HOURS))},
-    coords={
-        "time": TIMES, "clock": ("time", TIMES), "bin": np.array(["ground"], object),
-        "sun_bin": ("time", SUNS),
-    },
-)  # fmt: skip
 RULES = Rules(Metrics(sda_threshold=400, sda_fraction=0.5, ase_hours=8), 1000.0, 0.3, 1.0)
+
+
+def sky_of(times):
+    """Sky that is dark but for a sun of its own at each time stamp."""
+    suns = np.array([f"sun_{i}" for i in range(len(times))], object)
+    return xr.Dataset(
+        {"sky": (("time", "bin"), np.zeros((len(times), 1))), "sun": ("time", np.ones(len(times)))},
+        coords={
+            "time": times, "clock": ("time", times), "bin": np.array(["ground"], object),
+            "sun_bin": ("time", suns),
+        },
+    )  # fmt: skip
+
+
+SKY = sky_of(TIMES)
+SUNS = SKY["sun_bin"].values
 
 
 @pytest.fixture(scope="module")

@@ -14,17 +14,11 @@ from drcmitsuba.metrics.intervals import Rules
 from drcmitsuba.metrics.space_tasks import at_target
 from drcmitsuba.metrics.space_years import SpaceYears, of_block
 from drcmitsuba.metrics.spaces import sensors_by_space
+from tests.unit.metrics.test_sensor_counts import sky_of
 
 HOURS, SENSORS, REPLICATES = 600, 24, 8
-TIMES = np.datetime64("2015-01-01T01", "ns") + np.arange(HOURS) * np.timedelta64(14, "h")
-SUNS = np.array([f"sun_{i}" for i in range(HOURS)], object)
-SKY = xr.Dataset(
-    {"sky": (("time", "bin"), np.zeros((HOURS, 1))), "sun": ("time", np.ones(HOURS))},
-    coords={
-        "time": TIMES, "clock": ("time", TIMES), "bin": np.array(["ground"], object),
-        "sun_bin": ("time", SUNS),
-    },
-)  # fmt: skip
+SKY = sky_of(np.datetime64("2015-01-01T01", "ns") + np.arange(HOURS) * np.timedelta64(14, "h"))
+SUNS = SKY["sun_bin"].values
 RULES = Rules(Metrics(sda_threshold=450), 1000.0, 1.0, 1.0)
 SPACE = np.repeat(np.array(["a", "b", "c"], object), [4, 8, 12])
 ROWS = [
