@@ -31,7 +31,6 @@ import numpy as np
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.flat_arrays import flat, repeated, row_and_column
-from drcmitsuba.runtime.threads import in_threads
 from drcmitsuba.scene.geometry import is_triangle
 from drcmitsuba.scene.materials import is_diffuse
 from drcmitsuba.scene.scene import Scene
@@ -220,48 +219,34 @@ class Transfer:
         if not self.steps:
             onto_blocks = to_cells.columns(Columns(blocks.of, 0, blocks.count, 1))
             return Followed(to_cells, self._onward(replicates, onto_blocks))
-        start, stop, size = sensors.start, sensors.stop, to_cells.rows * self.cells
-        made, missing = dict[int, _LastBounces](), []
+        parts = []
         for r in replicates:
-            if (part := self._followed.get((start, stop, r))) is None:
-                missing.append(r)
-            else:
-                made[r] = part
-        step = max(1, KEPT // max(1, size))
-        for first in range(0, len(missing), step):
-            some = missing[first : first + step]
-            for r, part in zip(some, self._last_bounces(some, to_cells), strict=True):
-                made[r] = part
-                if (len(self._followed) + 1) * size <= KEPT:
-                    self._followed[start, stop, r] = part
-        parts = [made[r] for r in replicates]
+            key = sensors.start, sensors.stop, r
+            part = self._followed.get(key)
+            if part is None:
+                part = self._of_replicate(r, to_cells._replace(replicates=1, first=r))
+                if (len(self._followed) + 1) * to_cells.rows * self.cells <= KEPT:
+                    self._followed[key] = part
+            parts.append(part)
         whole = DenseMatrix(rows_of([part.to_cells for part in parts]), len(parts))
         return Followed(whole, self._onward(replicates, rows_of([p.onto_blocks for p in parts])))
 
-    def _last_bounces(self, replicates: list[int], to_cells: PathMatrix) -> list[_LastBounces]:
-        """Follow what sensors gather in some replicates through the last bounces."""
-        every = Columns(dr.arange(mi.UInt32, self.cells), 0, self.cells, 1)
-        each = (to_cells._replace(replicates=1, first=r) for r in replicates)
-        first = {r: of.columns(every).numpy() for r, of in zip(replicates, each, strict=True)}
-        T = {r: self.matrix(r) for r in replicates}
+    def _of_replicate(self, replicate: int, to_cells: PathMatrix) -> _LastBounces:
+        """Follow what sensors gather in a replicate through the last bounces."""
+        every, sending = dr.arange(mi.UInt32, self.cells), self.sending
+        first = to_cells.columns(Columns(every, 0, self.cells, 1)).numpy()
+        A, T = np.ascontiguousarray(first.T), self.matrix(replicate)[:sending].T.tocsr()
+        total, end = A.copy(), np.zeros_like(A)
+        for _ in range(self.steps):
+            if sending is not None:
+                end[sending:] += A[sending:]
+            A = T @ A[:sending]
+            total += A
         one, block = np.ones(self.cells, np.float32), self.blocks.of.numpy()
         shape = self.blocks.count, self.cells
         of_block = sparse.csr_matrix((one, (block, np.arange(self.cells))), shape=shape)
-        done: dict[int, tuple[np.ndarray, np.ndarray]] = {}
-
-        def follow(r: int) -> None:
-            A, sending = np.ascontiguousarray(first.pop(r).T), self.sending
-            onto, total, end = T[r][:sending].T.tocsr(), A.copy(), np.zeros_like(A)
-            for _ in range(self.steps):
-                if sending is not None:
-                    end[sending:] += A[sending:]
-                A = onto @ A[:sending]
-                total += A
-            done[r] = total.T, (of_block @ (A + end)).T
-
-        in_threads(follow, replicates)  # the device has one thread
-        tensors = ([mi.TensorXf(flat(x), x.shape) for x in done[r]] for r in replicates)
-        return [_LastBounces(*pair) for pair in tensors]
+        tensors = (mi.TensorXf(flat(x.T), x.T.shape) for x in (total, of_block @ (A + end)))
+        return _LastBounces(*tensors)
 
     def _onward(self, replicates: range, to_blocks: mi.TensorXf) -> Further:
         """Make the function that gives columns of (A·P)·M·(W·T).
