@@ -20,11 +20,13 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.glare_year.worst_views import worst_views
+from drcmitsuba.glare_year.worst_views import worst_spaces, worst_views
 from drcmitsuba.metrics.intervals.autonomy import multipliers
+from drcmitsuba.model.space import Space
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
+from drcmitsuba.scene.prepared_case import prepared
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -172,7 +174,8 @@ class GlareYear:
         """Content of `glare.json`: shares, classes and their probabilities by state and view.
 
         Where a case has several spaces, each view has the name of its `space`, "" in none, and
-        `spaces` has the worst view of each by state, from `worst_views`.
+        `spaces` has the worst view of each by state, from `worst_views`; `storeys`, where there are
+        several, and `building` have those by floor area, from `worst_spaces`.
         """
         rated = self.classes()
         every = {f"{c:.2f}": self.interval(c) for c in CLASSES.values()}
@@ -196,7 +199,7 @@ class GlareYear:
         told: dict[str, Any] = {}
         if "space" in self.hours.coords:
             names = (*CLASSES, NONE)
-            told["spaces"] = {s: worst_views(rows, names) for s, rows in by_state.items()}
+            told = self._by_space({s: worst_views(rows, names) for s, rows in by_state.items()})
         step = float(self.hours.attrs.get("step_hours", 1.0))
         hours = {
             "period": step * self.hours.sizes["time"],
@@ -207,6 +210,24 @@ class GlareYear:
             "DGP": by_state, **told, "hours": hours, "settings": self.settings,
             "seconds": self.seconds,
         }  # fmt: skip
+
+    def _by_space(self, worst: dict[str, dict[str, Any]]) -> dict[str, Any]:
+        """Worst views by state and space, and with them those of storeys and of the building."""
+        told: dict[str, Any] = {"spaces": worst}
+        if not all(worst.values()):  # no view lies in a space
+            return told
+        classes = (*CLASSES, NONE)
+        spaces = [s for s in prepared(self.case).spaces if s.name in next(iter(worst.values()))]
+        storeys: dict[str, list[Space]] = {}
+        for space in spaces:
+            storeys.setdefault(space.storey, []).append(space)
+        if len(storeys) > 1:
+            told["storeys"] = {
+                state: {name: worst_spaces(rows, own, classes) for name, own in storeys.items()}
+                for state, rows in worst.items()
+            }
+        building = {state: worst_spaces(rows, spaces, classes) for state, rows in worst.items()}
+        return told | {"building": building}
 
     def worst(self, state: str | None = None) -> str:
         """View with the most hours above the highest class' DGP in a state, by default the last."""

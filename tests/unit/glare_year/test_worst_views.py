@@ -1,6 +1,10 @@
 """The worst view of a space: by its class, then by its hours."""
 
-from drcmitsuba.glare_year.worst_views import worst_views
+import pytest
+import shapely
+
+from drcmitsuba.glare_year.worst_views import worst_spaces, worst_views
+from drcmitsuba.model.space import Space, SpaceFloor
 
 NAMES = ("high", "medium", "minimum", "none")
 
@@ -28,3 +32,18 @@ def test_the_worst_class_counts_before_hours():
 
 def test_views_in_no_space_have_none():
     assert worst_views({"garden": row("", "none", 90, 90, 90)}, NAMES) == {}
+
+
+def test_the_building_has_areas_by_class():
+    rows = {"a": row("west", "minimum", 20, 9, 2), "b": row("east", "none", 50, 40, 30),
+            "c": row("hall", "minimum", 9, 1, 0)}  # fmt: skip
+    spaces = [
+        Space(name, (SpaceFloor(0.0, shapely.box(0, 0, length, 1)),))
+        for name, length in (("west", 5), ("east", 2), ("hall", 3), ("attic", 90))
+    ]
+    told = worst_spaces(worst_views(rows, NAMES), spaces, NAMES)
+    assert (told["spaces"], told["floor_area"]) == (3, 10)
+    assert (told["worst"], told["view"], told["class"]) == ("east", "b", "none")
+    assert told["area"] == pytest.approx({"high": 0, "medium": 0, "minimum": 80, "none": 20})
+    west = worst_spaces(worst_views(rows, NAMES), spaces[:1], NAMES)
+    assert (west["worst"], west["area"]["minimum"]) == ("west", 100)
