@@ -108,7 +108,8 @@ def with_kernels(command: Callable[P, T]) -> Callable[P, T]:
             except ImportError as error:
                 raise _without_mitsuba(error) from error
             backend.heard.extend(lines)
-            lazy.hide(CHUNKS)
+            if "xarray" not in sys.modules:  # it asks once whether there is one
+                lazy.hide(CHUNKS)
             importlib.import_module("drcmitsuba.annual.result")
             gc.freeze()
             gc.set_threshold(OBJECTS)
