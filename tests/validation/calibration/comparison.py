@@ -30,7 +30,7 @@ from tests.validation.calibration.rooms import WIDE, Room
 
 CHUNKS = 16
 """Number of independent runs of the path tracer."""
-AT_EYES, SKY_AT_EYES = 1 << 16, 1 << 18
+AT_EYES, SKY_AT_EYES = 1 << 15, 1 << 18
 """Number of paths from an eye in each run of the path tracer, and of those to the sky alone, which
 cost little and give most of the light: the tracer's own error is smaller than ours."""
 RESAMPLED = 100
