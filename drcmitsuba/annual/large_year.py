@@ -190,8 +190,11 @@ class LargeYear:
             drawn = draw_block(C, sky, E, self.rules, sun, shut, self.grid[here], seed)
             draws = drawn if draws is None else draws.plus(drawn)
             counts.append(sensor_counts(E, self.rules))
-            day = SpaceYears.of(C, sky, E, taken, of_block(spaces, here), self.rules)
-            years = day if years is None else years.plus(day)
+            if years is None:
+                count = is_open.sizes["replicate"], sky.sizes["time"], len(spaces)
+                years = SpaceYears.dark(*count)
+            places, some = of_block(spaces, here)
+            years.add(SpaceYears.of(C, sky, E, taken, some, self.rules), places)
             its = {name: is_open.attrs[name] for name in RECORD if name in is_open.attrs}
             record = {name: max(record.get(name, value), value) for name, value in its.items()}
             progress(here.stop / len(self.grid))

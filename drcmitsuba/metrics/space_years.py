@@ -53,8 +53,7 @@ class SpaceYears:
     ) -> SpaceYears:  # fmt: skip
         """Daylight of spaces from C of all states and E of the same C, sky and states `taken`.
 
-        `spaces` are from `sensors_by_space`; of those some of whose sensors lie elsewhere it counts
-        what its own sensors add.
+        `spaces` are from `sensors_by_space`, or from `of_block`: what those sensors add is counted.
         """
         C = coefficients.by_luminance()
         count, stamps = C.open.sizes["replicate"], sky.sizes["time"]
@@ -64,15 +63,13 @@ class SpaceYears:
             if (taken.index == i).any()
         ]
         daylight = np.zeros((count + 1, stamps, len(spaces)), np.float32)
-        here = [k for k, space in enumerate(spaces) if len(space.sensors)]
-        if here:
-            shares = np.zeros((len(here), C.open.sizes["sensor"]), np.float32)
-            for row, k in zip(shares, here, strict=True):
-                row[spaces[k].sensors] = spaces[k].shares
-            for of_state, hours in states:
-                at = sky.isel(time=hours)
-                E = accumulate.replicates(_summed(of_state, shares), at, np.arange(len(here)))
-                daylight[np.ix_(np.arange(count + 1), hours, np.array(here))] = moved(E)
+        shares = np.zeros((len(spaces), C.open.sizes["sensor"]), np.float32)
+        for row, space in zip(shares, spaces, strict=True):
+            row[space.sensors] = space.shares
+        for of_state, hours in states if len(spaces) else ():
+            at = sky.isel(time=hours)
+            E = accumulate.replicates(_summed(of_state, shares), at, np.arange(len(spaces)))
+            daylight[:, hours] = moved(E)
         autonomy = _autonomy(states, sky, illuminance, spaces, rules)
         return cls(autonomy, daylight, interval_of_moved)
 
@@ -88,26 +85,37 @@ class SpaceYears:
             error = luminance(illuminance["total_se"]).transpose("time", "sensor").values
             off = float(illuminance.attrs.get("interval_factor", 1.96)) * error
         autonomy, daylight = np.zeros((3, len(spaces))), np.zeros((3, len(E), len(spaces)))
-        for k, space in enumerate(spaces):
-            for row, (name, sign) in enumerate((("DA", 0), ("DA_low", -1), ("DA_high", 1))):
+        for row, (name, sign) in enumerate((("DA", 0), ("DA_low", -1), ("DA_high", 1))):
+            lux = E + sign * off
+            for k, space in enumerate(spaces):
                 autonomy[row, k] = at[name].values[space.sensors] @ space.shares
-                daylight[row, :, k] = (E + sign * off)[:, space.sensors] @ space.shares
+                daylight[row, :, k] = lux[:, space.sensors] @ space.shares
         return cls(autonomy, np.maximum(daylight, 0), _ends)
 
-    def plus(self, other: SpaceYears) -> SpaceYears:
-        """Daylight of the sensors of two blocks."""
-        autonomy, daylight = self.autonomy + other.autonomy, self.daylight + other.daylight
-        return replace(self, autonomy=autonomy, daylight=daylight)
+    @classmethod
+    def dark(cls, replicates: int, stamps: int, spaces: int) -> SpaceYears:
+        """Daylight of spaces to which blocks of sensors are added."""
+        daylight = np.zeros((replicates + 1, stamps, spaces), np.float32)
+        return cls(np.zeros((replicates + 1, spaces)), daylight, interval_of_moved)
+
+    def add(self, block: SpaceYears, places: Sequence[int]) -> None:
+        """Add, in place, what the sensors of a block give to its spaces, by their places here."""
+        self.autonomy[:, places] += block.autonomy
+        self.daylight[..., places] += block.daylight
 
 
-def of_block(spaces: Sequence[SensorsOfSpace], here: slice) -> list[SensorsOfSpace]:
-    """Spaces with those of their sensors that lie in the block `here`, counted from its first."""
-    out = []
-    for space in spaces:
+def of_block(
+    spaces: Sequence[SensorsOfSpace], here: slice
+) -> tuple[list[int], list[SensorsOfSpace]]:
+    """Places of the spaces in a block, and these with its sensors, counted from its first."""
+    places, out = [], []
+    for k, space in enumerate(spaces):
         inside = (space.sensors >= here.start) & (space.sensors < here.stop)
-        sensors = space.sensors[inside] - here.start
-        out.append(replace(space, sensors=sensors, shares=space.shares[inside]))
-    return out
+        if inside.any():
+            places.append(k)
+            sensors = space.sensors[inside] - here.start
+            out.append(replace(space, sensors=sensors, shares=space.shares[inside]))
+    return places, out
 
 
 def moved(E: np.ndarray) -> np.ndarray:

@@ -88,13 +88,13 @@ def test_variants_are_those_of_whole_arrays(case):
 
 def test_blocks_of_sensors_add_up(case):
     C, E, _ = case
-    spaces, whole, joint = sensors_by_space(E), years_of(C), None
+    spaces, whole = sensors_by_space(E), years_of(C)
+    joint = SpaceYears.dark(REPLICATES, HOURS, len(spaces))
     for here in (slice(0, 2), slice(2, 9), slice(9, SENSORS)):
         others = {"shaded": C.others["shaded"].isel(sensor=here)}
         part = Coefficients(C.open.isel(sensor=here), others)
-        its = of_block(spaces, here)
-        block = SpaceYears.of(part, SKY, E.isel(sensor=here), TAKEN, its, RULES)
-        joint = block if joint is None else joint.plus(block)
+        places, its = of_block(spaces, here)
+        joint.add(SpaceYears.of(part, SKY, E.isel(sensor=here), TAKEN, its, RULES), places)
     np.testing.assert_allclose(joint.autonomy, whole.autonomy)
     np.testing.assert_allclose(joint.daylight, whole.daylight, rtol=1e-5)
 
