@@ -70,10 +70,9 @@ def sheets_of(faces: Sequence[RoomFace], tolerance: float) -> list[list[FaceShee
         if both.area <= tolerance * both.length:
             continue
         common = plane.rings(both, tolerance**2)
-        shared[one] += [FaceSheet(tuple(ring[::-1] for ring in own), other) for own in common]
+        shared[one] += [FaceSheet(rings, other) for rings in _turned(common)]
         rest[one] = _wide(plane, mine - both, tolerance)
-        outward = _wide(plane, theirs - both, tolerance)
-        rest[other] = [tuple(ring[::-1] for ring in own) for own in outward]
+        rest[other] = _turned(_wide(plane, theirs - both, tolerance))
     return [
         [*sheets, *(FaceSheet(rings) for rings in own)]
         for sheets, own in zip(shared, rest, strict=True)
@@ -132,7 +131,7 @@ def single_panes(
         if both.area > tolerance * both.length:
             faces_back = area_vector(panes[other][0]) @ plane.normal < 0
             left = _wide(plane, theirs - both, tolerance)
-            out[other] = [tuple(ring[::-1] for ring in own) for own in left] if faces_back else left
+            out[other] = _turned(left) if faces_back else left
     return out
 
 
@@ -143,6 +142,11 @@ def _shape(plane: Plane, parts: Sequence[Rings]) -> Any:
     if not all(shape.is_valid for shape in (*outlines, *holes)):
         return shapely.Polygon()
     return shapely.union_all(outlines) - shapely.union_all(holes)
+
+
+def _turned(polygons: Sequence[Rings]) -> list[Rings]:
+    """Polygons with their fronts to the other side."""
+    return [tuple(ring[::-1] for ring in rings) for rings in polygons]
 
 
 def _wide(plane: Plane, shape: Any, tolerance: float) -> list[Rings]:

@@ -55,7 +55,7 @@ class Library:
 
     path: Path
     origin: str
-    """What brought it, or names it."""
+    """Package, system or variable that brought or named it, for messages."""
     version: tuple[int, ...] = ()
     """Version as its name has it; empty where the name has none."""
 
@@ -88,7 +88,7 @@ class Library:
 
 @dataclass(frozen=True)
 class LibraryChoice:
-    """What was looked for and found."""
+    """Library of LLVM that is taken, and those that were passed over."""
 
     chosen: Library | None
     """Library that Dr.Jit is to load; without one, Dr.Jit looks by itself."""

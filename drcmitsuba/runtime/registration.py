@@ -1,4 +1,4 @@
-"""What is done as soon as any module imports Dr.Jit or Mitsuba: LLVM is found, plugins registered.
+"""LLVM is found, and plugins are registered, as soon as any module imports Dr.Jit or Mitsuba.
 
 Importing Mitsuba takes seconds, so `import drcmitsuba` does not import it. The library of LLVM is
 named before Dr.Jit looks for it. The plugins are registered at once where Mitsuba is imported

@@ -1,4 +1,4 @@
-"""What is said of the package in several files is said once, or the same."""
+"""Several files that describe the package agree, or one of them says it for all."""
 
 import re
 from importlib import metadata, resources
