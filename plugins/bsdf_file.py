@@ -115,12 +115,19 @@ class BsdfFile:
         """
         if channel < 0:
             return self
+        red, green, blue = (float(channel == c) for c in range(3))
+        return self.mixed((red, green, blue))
+
+    def mixed(self, mix: tuple[float, float, float]) -> BsdfFile:
+        """Weighted sum of red, green and blue in place of the luminance; see `colour.mixed`.
+
+        Components without chromaticity are multiplied by the sum of the weights.
+        """
         changed = {
-            name: colour.channel_of(self.components[name], self.colour[name], channel)
-            for name in self.components
-            if name in self.colour
+            name: colour.mixed(component, self.colour.get(name, {}), mix)
+            for name, component in self.components.items()
         }
-        return replace(self, components=self.components | changed)
+        return replace(self, components=changed)
 
     def query(self, incident: np.ndarray, outgoing: np.ndarray) -> np.ndarray:
         """BSDF f [1/sr], without the cosine, of pairs of directions.

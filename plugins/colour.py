@@ -23,12 +23,12 @@ _RGB = (
 )
 
 
-def channel_of(
+def mixed(
     luminance: TensorTree | KlemsMatrix,
     chromaticity: dict[str, TensorTree | KlemsMatrix],
-    channel: int,
+    mix: tuple[float, float, float],
 ) -> TensorTree | KlemsMatrix:
-    """Channel 0, 1 or 2 (red, green, blue) of a component.
+    """Sum of the channels red, green and blue of a component, each times a weight.
 
     Parameters
     ----------
@@ -36,7 +36,8 @@ def channel_of(
     chromaticity : dict
         CIE 1976 u′ and v′ as 'u', 'v' (trees), or the values X and Z (Klems); a missing one counts
         as neutral.
-    channel : int
+    mix : tuple of 3 floats
+        Weights, 0 or more.
 
     Returns
     -------
@@ -45,21 +46,22 @@ def channel_of(
     """
     if isinstance(luminance, KlemsMatrix):
         if not {"X", "Z"} <= chromaticity.keys():
-            return luminance
+            return replace(luminance, value=sum(mix) * luminance.value)
         xyz = [chromaticity["X"].value, luminance.value, chromaticity["Z"].value]
-        return replace(luminance, value=_mixed(channel, xyz))
+        return replace(luminance, value=_mixed(mix, xyz))
     if not {"u", "v"} <= chromaticity.keys():
-        return luminance
+        return replace(luminance, value=sum(mix) * luminance.value)
     y, u, v = refined([luminance, chromaticity["u"], chromaticity["v"]])
     v_safe = np.maximum(v.value, 1e-6)
     x_value = y.value * 9 * u.value / (4 * v_safe)
     z_value = y.value * (12 - 3 * u.value - 20 * v.value) / (4 * v_safe)
-    return replace(y, value=_mixed(channel, [x_value, y.value, z_value]))
+    return replace(y, value=_mixed(mix, [x_value, y.value, z_value]))
 
 
-def _mixed(channel: int, xyz: list[np.ndarray]) -> np.ndarray:
-    """Linear channel of X, Y, Z; colours outside the gamut are clipped to it."""
-    return np.maximum(sum(w * part for w, part in zip(_RGB[channel], xyz, strict=True)), 0)
+def _mixed(mix: tuple[float, float, float], xyz: list[np.ndarray]) -> np.ndarray:
+    """Weighted sum of the linear channels of X, Y, Z, which are clipped to their gamut."""
+    channels = (sum(w * part for w, part in zip(row, xyz, strict=True)) for row in _RGB)
+    return sum(w * np.maximum(c, 0) for w, c in zip(mix, channels, strict=True))
 
 
 def refined(trees: list[TensorTree]) -> list[TensorTree]:

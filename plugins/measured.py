@@ -34,6 +34,8 @@ class Measured(mi.BSDF):
     `turn`                bool     upside down (turned by 180° about the normal), default false
     `channel`             int      −1 (default): luminance; 0, 1, 2: red, green, blue of a file
                                    with chromaticity
+    `mix`                 vector   weights of red, green and blue, whose sum takes the place of
+                                   the luminance, in a band of the spectrum for instance
     ====================  =======  ================================================================
 
     The shading normal points into the room. `leaves` [1/sr] and `through` are exposed through
@@ -64,6 +66,9 @@ class Measured(mi.BSDF):
         try:
             # A relative path may also start at the scene file's folder.
             file = bsdf_file.read(str(mi.file_resolver().resolve(filename))).of_channel(channel)
+            if props.has_property("mix"):
+                mix = np.array(props["mix"], float).ravel()
+                file = file.mixed(tuple(checked(self.plugin, "mix", mix, 0)))
             file, self.largest_albedo = energy.scaled_to_conserve(file)
             self._load(file, mode)
         except bsdf_file.BsdfFileError as error:

@@ -7,6 +7,7 @@ C · L    ─ direct_sun ────────► direct sun[time, sensor], o
          ─ simulate(others) ──► C of the suns of these hours; all states: Coefficients
 C · L    ─ illuminance ───────► E[time, sensor], the shade applied     illuminance.nc
 E, C     ─ evaluate_metrics ──► draws, metrics with their intervals    metrics.json
+E, bands ─ spectral_year ─────► melanopic light and colour, where a case has bands    colour.nc
          ─ toward_target ─────► more rounds of C, E and metrics, where a target asks for them
 all      ─ Result.save ───────► coefficients.zarr, sky.zarr, plan.json, pictures
 A `Run` accompanies all steps: seed, enabled effects, stages with their seconds, rays.
@@ -27,6 +28,7 @@ from drcmitsuba.annual.adaptive_sampling import SamplingOutcome, toward_target
 from drcmitsuba.annual.large_result import LargeResult
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.saved_result import SavedResult, with_record
+from drcmitsuba.annual.spectral_year import spectral_year
 from drcmitsuba.annual.workers import Workers
 from drcmitsuba.blocks.block_folder import BlockFolder
 from drcmitsuba.case.case import Case
@@ -36,6 +38,9 @@ from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.controls.space_lights import with_electric_light
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, evaluate_metrics
+from drcmitsuba.metrics.facade_states import FacadeStates
+from drcmitsuba.metrics.illuminance import direct_sun
+from drcmitsuba.metrics.melanopic import melanopic_metrics
 from drcmitsuba.metrics.spaces import sensors_by_space
 from drcmitsuba.plan import Plan, notes, plan
 from drcmitsuba.plan.forecast import Forecast, forecast, is_short
@@ -81,6 +86,8 @@ class Result(SavedResult):
     daylight: Daylight
     plan: dict[str, Any]
     enabled_effects: EnabledEffects = ALL_EFFECTS
+    spectral: xr.Dataset | None = None
+    """Melanopic light and colour, see `spectral_year`, where the case asks for bands."""
 
     @cached_property
     def coefficients(self) -> xr.Dataset:
@@ -119,6 +126,7 @@ class Result(SavedResult):
             C_file.name: lambda: storage.save_zarr(C.parts(), C_file, along="state"),
             "sky.zarr": lambda: save_luminances(self.daylight, folder / "sky.zarr", channels),
             **self._year(folder / "year.zarr"),
+            **self._spectral(folder / "colour.nc"),
         }
 
     def _year(self, path: Path) -> dict[str, Callable[[], None]]:
@@ -126,10 +134,15 @@ class Result(SavedResult):
         year = self.daylight.year
         return {} if year is None else {path.name: lambda: storage.save_zarr(year.sky, path)}
 
+    def _spectral(self, path: Path) -> dict[str, Callable[[], None]]:
+        """Function that writes melanopic light and colour, where there is any."""
+        spectral = self.spectral
+        return {} if spectral is None else {path.name: lambda: storage.save_netcdf(spectral, path)}
+
     def _pictures(self) -> dict[str, Figure]:
         from drcmitsuba.report import figures
 
-        return figures.pictures(self.case, self.illuminance, self.metrics)
+        return figures.pictures(self.case, self.illuminance, self.metrics, self.spectral)
 
 
 def evaluate(
@@ -266,10 +279,17 @@ def _whole(begun: _BegunEvaluation, known: xr.Dataset | None) -> Result:
             planned.simulated, light, coefficients, evaluated, run
         )
     planned = planned.summed() if VARYING in coefficients.others else planned
+    spectral = None
+    if case.colour.wavelengths:
+        E = evaluated.illuminance
+        taken = FacadeStates.of(coefficients.attrs, direct_sun(coefficients, light.sky))
+        spectral = spectral_year(case, light, E, taken, run)
+        numbers = melanopic_metrics(spectral, E, case.colour.melanopic_threshold, light.step_hours)
+        evaluated = replace(evaluated, metrics=evaluated.metrics | {"melanopic": numbers})
     result = summed_up(
         planned, coefficients, evaluated, run, begun.remarks, outcome, begun.expected
     )
-    return replace(result, daylight=light)
+    return replace(result, daylight=light, spectral=spectral)
 
 
 def summed_up(

@@ -27,7 +27,9 @@ from drcmitsuba.scene.enabled_effects import EnabledEffects
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-ALL_ARRAYS = {"illuminance.nc", "coefficients.zarr", "sky.zarr", "year.zarr", "sensors.nc"}
+ALL_ARRAYS = {
+    "illuminance.nc", "coefficients.zarr", "sky.zarr", "year.zarr", "sensors.nc", "colour.nc",
+}  # fmt: skip
 """Files of arrays of all kinds of results."""
 DRAWN = ("*_plan.png", "monthly.png", "illuminance_*.png", "sun_path.png")
 """Pictures of an evaluation, by the patterns of their names, those of `plot` among them."""

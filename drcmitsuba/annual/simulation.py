@@ -36,10 +36,12 @@ from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.sun_interpolation import mesh_of, meshed, with_straight
 
 
-def _scenes(case: Case, state: State, run: Run) -> Iterator[scene.Scene]:
+def _scenes(
+    case: Case, state: State, run: Run, tint: scene.Tint = scene.untinted
+) -> Iterator[scene.Scene]:
     """Yield the scene of every colour channel, and add its rays to the run afterwards."""
     for channel in scene.channels_of(case, run.enabled_effects):
-        world = scene.load(case, state, channel, run.enabled_effects)
+        world = scene.load(case, state, channel, run.enabled_effects, tint=tint)
         yield world
         run.ray_counter.update(world.ray_counter.counted())
 
@@ -104,7 +106,7 @@ def transport(
 def of_points(
     case: Case, state: State, suns: Suns, latitude: float, points: np.ndarray,
     normals: np.ndarray, *, run: Run, mesh: tuple[str, ...] = (), among: int | None = None,
-    progress: Progress = lambda share: None,
+    tint: scene.Tint = scene.untinted, progress: Progress = lambda share: None,
 ) -> xr.Dataset:  # fmt: skip
     """Coefficients C of any points in a case, in one state of its façade.
 
@@ -114,6 +116,8 @@ def of_points(
         Positions [m] and unit normals in the traced frame, as from `sensor_points`.
     among : int, optional
         Number of all points, where these are some of them: few points take more samples.
+    tint : callable
+        Gives the materials, see `scene.load`.
     case, state, suns, latitude, run, mesh, progress
         As for `transport`.
 
@@ -127,7 +131,7 @@ def of_points(
     count = len(scene.channels_of(case, run.enabled_effects))
     rooms = prepared(case).rooms_of(points)
     channels: list[xr.Dataset] = []
-    for i, world in enumerate(_scenes(case, state, run)):
+    for i, world in enumerate(_scenes(case, state, run, tint)):
         done = part(progress, i / count, (i + 1) / count)
         content = block_content(world, points, normals, accuracy, subdivision, rooms)
         if isinstance(case.sun, Adaptive):

@@ -15,6 +15,7 @@ from typing import Annotated, Literal
 from pydantic import Field, PrivateAttr, model_validator
 
 from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.colour import Colour
 from drcmitsuba.case.components import (
     Component,
     StructureComponent,
@@ -106,6 +107,8 @@ class Case(Table):
     """Sun shade of the clear panes; without it, there is none."""
     groups: Annotated[dict[Name, Group], Field(max_length=100)] = Field(default_factory=dict)
     """Panes that change their state together, by name."""
+    colour: Colour = Colour()
+    """Bands of the light, and spectra of sources and surfaces."""
     views: Annotated[dict[Name, ViewTable], Field(max_length=1000)] = Field(default_factory=dict)
     """Views by name, beside those of the model."""
     metrics: Metrics = Metrics()

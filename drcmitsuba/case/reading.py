@@ -72,6 +72,9 @@ def with_files(case: Case) -> Case:
         if isinstance(material, BsdfMaterial):
             path = resolved(material.file, f"materials.{name}.file")
             case.materials[name] = material.model_copy(update={"file": path})
+    for name, tint in case.colour.spectra.items():
+        if isinstance(tint, Path):
+            case.colour.spectra[name] = resolved(tint, f"colour.spectra.{name}")
     for name, component in case.components.items():
         if isinstance(component, StructureComponent | MeshComponent):
             key = "recipe" if isinstance(component, StructureComponent) else "file"

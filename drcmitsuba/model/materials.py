@@ -165,6 +165,13 @@ class BsdfMaterial(Table):
     """Whether the pane is mounted upside down."""
 
 
+class BsdfInBand(BsdfMaterial):
+    """Pane with a measured BSDF in a band of the spectrum."""
+
+    mix: tuple[float, float, float]
+    """Weights of red, green and blue in the band."""
+
+
 class MirrorMaterial(Table):
     """Mirror of a component, the same on both sides."""
 

@@ -265,6 +265,13 @@ def most_direct(facts: Facts) -> tuple[float, int]:
 
 def colour(facts: Facts) -> Effect:
     """Colour channels."""
+    bands = facts.case.colour.bands
+    if isinstance(bands, int):
+        return Effect(False, f"{bands} bands follow the year by luminance, with few rays each")
+    if bands == "luminance":
+        return Effect(False, "[colour] asks for luminance")
+    if bands == "rgb":
+        return Effect(True, "[colour] asks for three channels")
     if is_coloured(facts.case):
         return Effect(True, "a reflectance differs between channels: three channels")
     return Effect(False, "all reflectances are grey: one channel")

@@ -23,10 +23,14 @@ from drcmitsuba.runtime.errors import on_a_line
 from drcmitsuba.schema import luminance
 
 
-def pictures(case: Case, illuminance: xr.Dataset, numbers: dict[str, Any]) -> dict[str, Figure]:
+def pictures(
+    case: Case, illuminance: xr.Dataset, numbers: dict[str, Any],
+    spectral: xr.Dataset | None = None,
+) -> dict[str, Figure]:  # fmt: skip
     """Draw all pictures of an evaluation, by file name.
 
-    E is as on disk, `total` and `direct_sun` (time, sensor) [lx]; numbers as in `metrics.json`.
+    E is as on disk, `total` and `direct_sun` (time, sensor) [lx]; numbers as in `metrics.json`;
+    `spectral` holds `melanopic` (time, sensor) [lx].
     There is a plan for each of the `sheets`; several have a number in their names.
     """
     t = case.metrics
@@ -38,6 +42,9 @@ def pictures(case: Case, illuminance: xr.Dataset, numbers: dict[str, Any]) -> di
             "in_sun": (direct >= t.ase_threshold).sum("time"),
         }
     )
+    if spectral is not None:
+        enough = spectral["melanopic"] >= numbers["melanopic"]["threshold"]
+        sums["melanopic"] = 100 * enough.mean("time")
     return pictures_of_sums(case, illuminance, sums, numbers)
 
 
@@ -47,7 +54,8 @@ def pictures_of_sums(
     """Draw all pictures of an evaluation from sums over its hours, by file name.
 
     Of `illuminance` only the attributes, the coordinate `time` and those of the sensors are used;
-    `sums` are `mean_illuminance` [lx], and `enough` and `in_sun`, numbers of time stamps (sensor,).
+    `sums` are `mean_illuminance` [lx], `enough` and `in_sun`, numbers of time stamps (sensor,), and
+    `melanopic`, share of the hours [%], where it is known.
     """
     t = case.metrics
     stamps, step_hours = illuminance.sizes["time"], float(illuminance.attrs.get("step_hours", 1.0))
@@ -86,6 +94,10 @@ def pictures_of_sums(
         ),
         **_too_close(passing, numbers),
     }  # fmt: skip
+    if "melanopic" in sums:
+        title = f"hours with {numbers['melanopic']['threshold']:g} lx melanopic EDI{shade}"
+        settings = {"title": title, "label": "share of hours [%]", "norm": Normalize(0, 100)}
+        plans["melanopic"] = sums["melanopic"], settings
     return {
         **_plans(case, illuminance, numbers, plans),
         "monthly.png": monthly(case, illuminance, numbers),

@@ -50,6 +50,8 @@ class Stream(Enum):
     """Directions along the peaks of films from the surfaces that pixels show."""
     BRIGHT_SURFACES = (25,)
     """Seed of further replicates of surfaces that eyes see bright."""
+    COLOUR = (27,)
+    """Seed of the simulation of bands of the spectrum."""
     SUN_RIMS = (0, 2)
     """Directions around the rim of each sun, of all replicates."""
     PATHS = (0, 4)

@@ -15,6 +15,7 @@ from drcmitsuba_plugins.grazing import more_at_grazing
 
 from drcmitsuba import bsdf as bsdf_files
 from drcmitsuba.model.materials import (
+    BsdfInBand,
     BsdfMaterial,
     DielectricMaterial,
     DiffuserMaterial,
@@ -223,7 +224,8 @@ def bsdf(material: SurfaceMaterial, channel: int = 0) -> dict[str, Any]:
     """
     if isinstance(material, BsdfMaterial):
         measured = film(material.file)
-        return {
+        mix = {"mix": list(material.mix)} if isinstance(material, BsdfInBand) else {}
+        return mix | {
             "type": "klems" if measured.file.kind == "Klems" else "tensor_tree",
             "filename": str(material.file),
             # Luminance decides, so that all channels and `lets_through` agree.

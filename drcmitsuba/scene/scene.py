@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -30,6 +30,14 @@ from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.surfaces import Enclosure, bounds_of_rooms, geometry_of
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
+
+Tint = Callable[[str, SurfaceMaterial], SurfaceMaterial]
+"""Function that gives the material of a surface from its name and the material that it has."""
+
+
+def untinted(name: str, material: SurfaceMaterial) -> SurfaceMaterial:
+    """Material that a surface has."""
+    return material
 
 
 @dataclass(frozen=True)
@@ -199,7 +207,7 @@ def _of_quads(parts: Sequence[ScenePart], masks: Iterable[np.ndarray]) -> mi.Sce
 
 def load(
     case: Case, state: State = OPEN, channel: int = 0, effects: EnabledEffects = ALL_EFFECTS,
-    groups: PaneGroups | None = None,
+    groups: PaneGroups | None = None, tint: Tint = untinted,
 ) -> Scene:  # fmt: skip
     """Build the scene of a case.
 
@@ -213,6 +221,8 @@ def load(
         Effects that are simulated.
     groups : PaneGroups, optional
         Groups whose state it is; by default those of the case.
+    tint : callable
+        Gives the material of a surface of a name, in a band of the spectrum for instance.
 
     Returns
     -------
@@ -224,6 +234,7 @@ def load(
         A component, a film or a piece of furniture is unfit.
     """
     surfaces, enclosure, ports = geometry_of(case, state, effects, groups)
+    surfaces = [replace(each, material=tint(each.name, each.material)) for each in surfaces]
     built = build(surfaces, channel, enclosure, ports)
     return replace(built, effects=effects, near=bounds_of_rooms(case), channel=channel)
 

@@ -1,0 +1,131 @@
+"""Spectra of surfaces and panes: files of numbers, RGB and CIELAB; read, checked, at the bands."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from drcmitsuba.case.colour import Lab, Tint
+from drcmitsuba.colour.bands import GRID, Bands
+from drcmitsuba.runtime import lazy
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import shortened
+
+colour = lazy.module("colour")
+
+MOST_BYTES = 1 << 20
+"""Largest size of a file [bytes]."""
+MOST = 10_000
+"""Largest number of wavelengths."""
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Reflectance or transmittance by wavelength."""
+
+    wavelengths: np.ndarray
+    """Wavelengths [nm], rising, shape (wavelength,)."""
+    values: np.ndarray
+    """Shares of the light [–], shape (wavelength, column): transmittance, then reflectances of
+    front and back, of a pane; reflectance of a surface."""
+
+    def at(self, bands: Bands, column: int = 0) -> np.ndarray:
+        """Values of a column at the bands' wavelengths [–], shape (band,)."""
+        return bands.sampled(self.wavelengths, self.values[:, column])
+
+
+def read_spectrum(path: Path, bands: Bands) -> Spectrum:
+    """Read a file of a spectrum: text with a wavelength and values in each line.
+
+    Parameters
+    ----------
+    path : Path
+        Numbers between commas, semicolons or blanks; nm, or µm where all wavelengths are below 100.
+        Lines before the first number are a header, as in files of the IGDB, whose columns are
+        transmittance and the reflectances of front and back.
+    bands : Bands
+        Bands that the spectrum has to cover.
+
+    Raises
+    ------
+    InputError
+        It is no such text, or its wavelengths do not rise or do not cover the bands, or a value is
+        not from 0 to 1.
+    """
+
+    def refuse(field: str, got: str, remedy: str) -> InputError:
+        return InputError(path, field, got, remedy)
+
+    if path.stat().st_size > MOST_BYTES:
+        raise refuse("size", f"{path.stat().st_size} bytes", "a spectrum has some hundred lines")
+    rows: list[list[float]] = []
+    for number, line in enumerate(path.read_text("utf-8", errors="replace").splitlines(), 1):
+        words = [word for word in re.split(r"[\s,;]+", line.strip()) if word]
+        if not words or (not NUMBER.fullmatch(words[0]) and not rows) or words[0][0] in "#{":
+            continue
+        if not all(NUMBER.fullmatch(word) for word in words) or len(words) < 2:
+            remedy = "write a wavelength and its values in each line"
+            raise refuse(f"line {number}", shortened(line.strip()), remedy)
+        rows.append([float(word) for word in words])
+        if len(rows[-1]) != len(rows[0]) or len(rows) > MOST:
+            got = f"{len(rows[-1])} numbers after lines of {len(rows[0])}, {len(rows)} lines"
+            raise refuse(f"line {number}", got, "give the same columns in each line")
+    if len(rows) < 2:
+        raise refuse("wavelengths", f"{len(rows)} of them", "give two or more lines of numbers")
+    table = np.array(rows)
+    wavelengths, values = table[:, 0], table[:, 1:]
+    if wavelengths.max() < 100:
+        wavelengths = 1000 * wavelengths  # µm
+    if (np.diff(wavelengths) <= 0).any():
+        at = wavelengths[1:][np.diff(wavelengths) <= 0][0]
+        raise refuse("wavelengths", f"{at:g} nm after a larger one", "let them rise")
+    low, high = bands.wavelengths[0], bands.wavelengths[-1]
+    if wavelengths[0] > low or wavelengths[-1] < high:
+        got = f"{wavelengths[0]:g} to {wavelengths[-1]:g} nm"
+        raise refuse("wavelengths", got, f"cover {low:g} to {high:g} nm")
+    visible = values[(wavelengths >= 380) & (wavelengths <= 780)]
+    if visible.min(initial=0) < 0:
+        raise refuse("values", f"{visible.min():g}", "give shares of the light, 0 to 1")
+    if visible.max(initial=0) > 1:
+        remedy = "are they in percent? Divide them by 100" if visible.max() <= 100 else "check them"
+        raise refuse("values", f"up to {visible.max():g}, above 1", remedy)
+    return Spectrum(wavelengths, values)
+
+
+def primaries() -> np.ndarray:
+    """Reflectances of sRGB's red, green and blue on `GRID`, shape (wavelength, 3).
+
+    Those of Mallett and Yuksel (2019): every linear RGB is their sum, between 0 and 1, and has this
+    RGB under D65; white is 1 at all wavelengths.
+    """
+    return np.asarray(colour.recovery.MSDS_BASIS_FUNCTIONS_sRGB_MALLETT2019.values)
+
+
+def of_rgb(rgb: Sequence[float]) -> Spectrum:
+    """Smooth spectrum of a linear RGB (sRGB primaries, D65)."""
+    return Spectrum(GRID, primaries() @ np.array(rgb, float)[:, None])
+
+
+def of_lab(lab: Lab, source: str | Path, field: str) -> Spectrum:
+    """Smooth spectrum of a colour in CIELAB under D65.
+
+    A colour that no sRGB surface has raises InputError.
+    """
+    xyz = colour.Lab_to_XYZ(np.array(lab.lab), colour.CCS_ILLUMINANTS["cie_2_1931"]["D65"])
+    rgb = np.asarray(colour.RGB_COLOURSPACES["sRGB"].matrix_XYZ_to_RGB @ xyz)
+    if rgb.min() < -0.005 or rgb.max() > 1.005:
+        got = f"linear RGB {', '.join(f'{value:.2f}' for value in rgb)}: outside sRGB"
+        raise InputError(source, field, got, "give the file of its spectrum")
+    return of_rgb(np.clip(rgb, 0, 1))
+
+
+def spectrum_of(tint: Tint, bands: Bands, source: str | Path, field: str) -> Spectrum:
+    """Spectrum of a colour of the case, which errors name by its source and field."""
+    if isinstance(tint, Path):
+        return read_spectrum(tint, bands)
+    return of_lab(tint, source, field) if isinstance(tint, Lab) else of_rgb(tint)
