@@ -37,7 +37,7 @@ def mixed(
         CIE 1976 u′ and v′ as 'u', 'v' (trees), or the values X and Z (Klems); a missing one counts
         as neutral.
     mix : tuple of 3 floats
-        Weights, 0 or more.
+        Weights; a sum below 0 counts as 0.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def mixed(
 def _mixed(mix: tuple[float, float, float], xyz: list[np.ndarray]) -> np.ndarray:
     """Weighted sum of the linear channels of X, Y, Z, which are clipped to their gamut."""
     channels = (sum(w * part for w, part in zip(row, xyz, strict=True)) for row in _RGB)
-    return sum(w * np.maximum(c, 0) for w, c in zip(mix, channels, strict=True))
+    return np.maximum(sum(w * np.maximum(c, 0) for w, c in zip(mix, channels, strict=True)), 0)
 
 
 def refined(trees: list[TensorTree]) -> list[TensorTree]:

@@ -68,7 +68,7 @@ class Measured(mi.BSDF):
             file = bsdf_file.read(str(mi.file_resolver().resolve(filename))).of_channel(channel)
             if props.has_property("mix"):
                 mix = np.array(props["mix"], float).ravel()
-                file = file.mixed(tuple(checked(self.plugin, "mix", mix, 0)))
+                file = file.mixed(tuple(checked(self.plugin, "mix", mix, -np.inf)))
             file, self.largest_albedo = energy.scaled_to_conserve(file)
             self._load(file, mode)
         except bsdf_file.BsdfFileError as error:

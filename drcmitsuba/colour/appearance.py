@@ -31,5 +31,7 @@ class Appearance(NamedTuple):
         xyz = np.array([responses()[name] @ power for name in TRISTIMULUS])
         cct, duv = colour.temperature.uv_to_CCT_Ohno2013(colour.UCS_to_uv(colour.XYZ_to_UCS(xyz)))
         light = colour.SpectralDistribution(dict(zip(GRID, np.maximum(power, 0), strict=True)))
-        made = colour.colour_fidelity_index(light, additional_data=True, method="ANSI/IES TM-30-18")
+        index = colour.colour_fidelity_index
+        with colour.utilities.suppress_warnings(colour_runtime_warnings=True):  # tables are aligned
+            made = index(light, additional_data=True, method="ANSI/IES TM-30-18")
         return cls(float(cct), float(duv), float(made.R_f), float(made.R_g))

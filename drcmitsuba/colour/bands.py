@@ -8,7 +8,7 @@ response r of the eye to it, relative to its response to D65, is
     w_k = \frac{\int h_k S_{D65} r}{\int S_{D65} r}.
 
 D65 is exact. Products of two of 24 colours of the ColorChecker with daylight of 4100 to 24,000 K
-have all responses within 3.4 % (root mean square 0.3 to 0.6) with 9 wavelengths, and within 0.4 %
+have all responses within 3.7 % (root mean square 0.3 to 0.6) with 9 wavelengths, and within 0.4 %
 with 27; sums over nine intervals of constant spectra, as other programs take them, have up to 26 %.
 """
 

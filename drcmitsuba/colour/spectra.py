@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from drcmitsuba.case.colour import Lab, Tint
-from drcmitsuba.colour.bands import GRID, Bands
+from drcmitsuba.colour.bands import GRID, TRISTIMULUS, Bands
 from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import shortened
@@ -97,18 +98,43 @@ def read_spectrum(path: Path, bands: Bands) -> Spectrum:
     return Spectrum(wavelengths, values)
 
 
-def primaries() -> np.ndarray:
-    """Reflectances of sRGB's red, green and blue on `GRID`, shape (wavelength, 3).
-
-    Those of Mallett and Yuksel (2019): every linear RGB is their sum, between 0 and 1, and has this
-    RGB under D65; white is 1 at all wavelengths.
-    """
-    return np.asarray(colour.recovery.MSDS_BASIS_FUNCTIONS_sRGB_MALLETT2019.values)
-
-
 def of_rgb(rgb: Sequence[float]) -> Spectrum:
-    """Smooth spectrum of a linear RGB (sRGB primaries, D65)."""
-    return Spectrum(GRID, primaries() @ np.array(rgb, float)[:, None])
+    """Smooth spectrum, from 0 to 1, of a linear RGB (sRGB primaries) under D65.
+
+    It is the sigmoid of a parabola of Jakob and Hanika (2019): without the edges of other models,
+    which nine wavelengths would miss.
+    """
+    values = _sigmoid(tuple(float(value) for value in rgb))
+    return Spectrum(GRID, values[:, None])
+
+
+@lru_cache(maxsize=1024)
+def _sigmoid(rgb: tuple[float, ...]) -> np.ndarray:
+    """Spectrum of a linear RGB on `GRID`; greys are even."""
+    if max(rgb) - min(rgb) < 1e-6:
+        return np.full(len(GRID), rgb[0])
+    shape = colour.SpectralShape(GRID[0], GRID[-1], GRID[1] - GRID[0])
+    xyz = colour.RGB_COLOURSPACES["sRGB"].matrix_RGB_to_XYZ @ np.array(rgb)
+    observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
+    light = colour.SDS_ILLUMINANTS["D65"].copy().align(observer.shape)
+    made = colour.recovery.XYZ_to_sd_Jakob2019(xyz, observer, light)
+    return np.asarray(made.copy().align(shape).values)
+
+
+def smooth_mixes(bands: Bands) -> np.ndarray:
+    """Weights of linear red, green and blue in each band, shape (band, 3).
+
+    The sum of the weighted channels is the flattest spectrum (least squares of its slopes) that has
+    the colour under D65; below 0 it counts as 0. A neutral colour is the same in all bands.
+    """
+    wavelengths, count = np.array(bands.wavelengths), len(bands)
+    steps = np.diff(np.eye(count), axis=0) / np.sqrt(np.diff(wavelengths))[:, None]
+    seen = np.array([bands.weights(name) for name in TRISTIMULUS])
+    system = np.block([[steps.T @ steps, seen.T], [seen, np.zeros((3, 3))]])
+    matrix = colour.RGB_COLOURSPACES["sRGB"].matrix_RGB_to_XYZ
+    white = matrix.sum(axis=1, keepdims=True)  # weights are relative to D65
+    wanted = np.concatenate([np.zeros((count, 3)), matrix / white])
+    return np.asarray(np.linalg.solve(system, wanted)[:count])
 
 
 def of_lab(lab: Lab, source: str | Path, field: str) -> Spectrum:

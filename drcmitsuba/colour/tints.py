@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.colour.bands import GRID, Bands
-from drcmitsuba.colour.spectra import of_rgb, primaries, spectrum_of
+from drcmitsuba.colour.bands import Bands
+from drcmitsuba.colour.spectra import of_rgb, smooth_mixes, spectrum_of
 from drcmitsuba.model import glass
 from drcmitsuba.model.materials import (
     BsdfInBand,
@@ -69,6 +69,11 @@ class Tints:
     def _names(self) -> dict[int, str]:
         """Names of the case's materials, by the objects."""
         return {id(material): name for name, material in self.case.materials.items()}
+
+    @cached_property
+    def _mixes(self) -> np.ndarray:
+        """Weights of a film's red, green and blue in each band, (band, 3)."""
+        return smooth_mixes(self.bands)
 
     def check(self, surfaces: Iterable[str]) -> None:
         """Read all spectra, and raise InputError for one whose name no surface has.
@@ -134,7 +139,7 @@ class Tints:
         if shape is not None:
             mix = (float(shape.values[0]) / 3,) * 3
         else:
-            red, green, blue = self.bands.sampled(GRID, primaries())[band].tolist()
+            red, green, blue = self._mixes[band].tolist()
             mix = red, green, blue
         return BsdfInBand(**film.model_dump(), mix=mix)
 
@@ -156,7 +161,9 @@ def _scaled(stated: float, shape: _Shape, what: str) -> float:
     value = stated * float(shape.values[0])
     if value > 1 + 1e-6:
         got = f"a {what} of {stated:g} would be {value:.2f} in a band"
-        raise InputError(shape.source, shape.field, got, f"lower the {what}, or take another spectrum")
+        raise InputError(
+            shape.source, shape.field, got, f"lower the {what}, or take another spectrum"
+        )
     return min(value, 1.0)
 
 
@@ -164,7 +171,7 @@ def _pane(material: Any, shape: _Shape) -> dict[str, Any]:
     """Changed fields of a pane or a mirror in a band."""
     if isinstance(material, DielectricMaterial):
         remedy = "leave it out: its light counts as grey"
-        raise InputError(shape.source, shape.field, "a clear solid takes no spectrum", remedy)
+        raise InputError(shape.source, shape.field, "a clear solid takes none", remedy)
     if isinstance(material, MirrorMaterial):
         return {"reflectance": _scaled(material.reflectance, shape, "reflectance")}
     if isinstance(material, DiffuserMaterial):

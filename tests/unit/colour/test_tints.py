@@ -1,0 +1,101 @@
+"""Surfaces in a band: amounts are scaled to what the case states, names find their surfaces."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from drcmitsuba.case.colour import Colour
+from drcmitsuba.colour.bands import Bands
+from drcmitsuba.colour.tints import Tints
+from drcmitsuba.model.materials import (
+    DielectricMaterial,
+    DiffuserMaterial,
+    Lambertian,
+    MirrorMaterial,
+)
+from drcmitsuba.runtime.errors import InputError
+from tests.unit.colour.rooms import box
+
+BANDS = Bands.of(9)
+Y = BANDS.weights("Y")
+RED = (0.5, 0.3, 0.2)
+
+
+def tints(spectra, **tables) -> Tints:
+    return Tints(box(**tables).with_tables(colour=Colour(bands=9, spectra=spectra)), BANDS)
+
+
+def test_a_reflectance_keeps_its_luminance_and_has_its_spectrum():
+    made = tints({"walls": RED})
+    values = np.array([made.of(k, "wall north", Lambertian(0.4)).reflectance for k in range(9)])
+    assert Y @ values == pytest.approx(0.4)
+    assert values[-1] > 1.5 * values[0]
+    assert made.of(0, "floor", Lambertian(0.4)).reflectance == 0.4
+
+
+def test_a_name_finds_a_wall_of_one_side_before_all_walls():
+    made = tints({"walls": RED, "wall east": (0.1, 0.1, 0.8)})
+    east, west = (
+        made.of(0, f"wall {side}", Lambertian(0.1)).reflectance for side in ("east", "west")
+    )
+    assert east > 2 * west
+
+
+def test_rgb_of_the_case_needs_no_spectrum():
+    made = tints({})
+    values = [made.of(k, "floor", Lambertian((0.5, 0.3, 0.1))).reflectance for k in range(9)]
+    assert Y @ values == pytest.approx(0.2126 * 0.5 + 0.7152 * 0.3 + 0.0722 * 0.1, rel=2e-3)
+
+
+def test_a_window_takes_its_spectrum_and_the_shade_in_it_does_not():
+    case = box(
+        materials={
+            "glass": {"type": "glazing", "transmittance": 0.6},
+            "shade": {"type": "diffuser", "transmittance": 0.1},
+        },
+        shading={"material": "shade"},
+    ).with_tables(colour=Colour(bands=9, spectra={"glass": (0.3, 0.6, 0.4)}))
+    made = Tints(case, BANDS)
+    glass, shade = case.materials["glass"], case.materials["shade"]
+    through = np.array([made.of(k, "glass south", glass).transmittance for k in range(9)])
+    assert Y @ through == pytest.approx(0.6)
+    assert through.std() > 0.05
+    assert made.of(0, "glass south", shade) is shade
+
+
+@pytest.mark.parametrize(
+    "material",
+    [
+        MirrorMaterial(type="mirror", reflectance=0.5),
+        DiffuserMaterial(type="diffuser", transmittance=(0.1, 0.2, 0.3), straight=0.1),
+    ],
+)
+def test_other_materials_are_scaled(material):
+    made = tints({"thing": RED})
+    of = made.of(8, "thing", material)
+    key = "reflectance" if isinstance(material, MirrorMaterial) else "transmittance"
+    before, after = (np.ravel(getattr(m, key)) for m in (material, of))
+    assert (after / before) == pytest.approx(np.full(len(before), (after / before)[0]))
+    assert after[0] > before[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "material", "words"),
+    [
+        ("floor", Lambertian(0.95), "a reflectance of 0.95 would be"),
+        (
+            "thing",
+            DielectricMaterial(type="dielectric", ior=1.5),
+            "a clear solid takes none",
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused(name, material, words):
+    with pytest.raises(InputError, match=words):
+        tints({name: RED}).of(8, name, material)
+
+
+def test_a_name_that_no_surface_has_is_refused_with_the_nearest():
+    with pytest.raises(InputError, match="walls"):
+        tints({"wals": RED}).check(["floor", "wall south"])
