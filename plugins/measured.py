@@ -66,7 +66,7 @@ class Measured(mi.BSDF):
         try:
             # A relative path may also start at the scene file's folder.
             file = bsdf_file.read(str(mi.file_resolver().resolve(filename))).of_channel(channel)
-            if props.has_property("mix"):
+            if "mix" in props:
                 mix = np.array(props["mix"], float).ravel()
                 file = file.mixed(tuple(checked(self.plugin, "mix", mix, -np.inf)))
             file, self.largest_albedo = energy.scaled_to_conserve(file)

@@ -24,6 +24,7 @@ from drcmitsuba.annual.chosen_facade import ChosenFacade, KnownLight, light_of_c
 from drcmitsuba.annual.recombined_year import recombined_year, with_open_state
 from drcmitsuba.annual.result import Result, summed_up
 from drcmitsuba.annual.run import Run
+from drcmitsuba.annual.spectral_year import left_out
 from drcmitsuba.annual.summed_year import accuracy_of
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import GroupStates
@@ -115,7 +116,8 @@ class Elements:
                     case, year.daylight, year.coefficients, year.direct, year.shade
                 )
         planned = self.planned.summed(always=True)
-        result = summed_up(planned, coefficients, evaluated, run, self._notes)
+        notes = [*self._notes, *left_out(case)]
+        result = summed_up(planned, coefficients, evaluated, run, notes)
         E = with_open_state(result.illuminance, facade, coefficients, year.daylight)
         return replace(result, illuminance=E, daylight=year.daylight)
 

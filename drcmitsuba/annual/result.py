@@ -28,19 +28,19 @@ from drcmitsuba.annual.adaptive_sampling import SamplingOutcome, toward_target
 from drcmitsuba.annual.large_result import LargeResult
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.saved_result import SavedResult, with_record
-from drcmitsuba.annual.spectral_year import spectral_year
+from drcmitsuba.annual.spectral_year import left_out, spectral_year
 from drcmitsuba.annual.workers import Workers
 from drcmitsuba.blocks.block_folder import BlockFolder
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import VARYING
 from drcmitsuba.case.reading import load_case
 from drcmitsuba.case.sun import Adaptive
+from drcmitsuba.colour.melanopic import melanopic_metrics
 from drcmitsuba.controls.space_lights import with_electric_light
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, evaluate_metrics
 from drcmitsuba.metrics.facade_states import FacadeStates
 from drcmitsuba.metrics.illuminance import direct_sun
-from drcmitsuba.metrics.melanopic import melanopic_metrics
 from drcmitsuba.metrics.spaces import sensors_by_space
 from drcmitsuba.plan import Plan, notes, plan
 from drcmitsuba.plan.forecast import Forecast, forecast, is_short
@@ -212,7 +212,10 @@ def evaluate_within(
         summed = partial(large_result.is_large, memory=memory)
         begun = _BegunEvaluation.of(case, stage, known, blocks, workers, light, summed)
         if known is None and summed(begun.planned):
-            return large_result.evaluated(begun.planned, begun.run, begun.remarks, begun.expected)
+            case = begun.planned.facts.case
+            return large_result.evaluated(
+                begun.planned, begun.run, [*begun.remarks, *left_out(case)], begun.expected
+            )
         return _whole(begun, known)
 
 

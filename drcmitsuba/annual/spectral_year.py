@@ -26,11 +26,13 @@ from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.simulation import of_points
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import VARYING
 from drcmitsuba.colour.bands import ALPHA_OPIC, TRISTIMULUS, Bands
 from drcmitsuba.colour.sources import SourceSpectra
 from drcmitsuba.colour.tints import Tints
 from drcmitsuba.metrics import accumulate
 from drcmitsuba.metrics.facade_states import FacadeStates
+from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.runtime.random_streams import Stream, case_seed
 from drcmitsuba.scene.geometry import origin, rotation
@@ -154,6 +156,12 @@ class _BandLight:
         return _Responses(luminance, melanopic, others, spectrum)
 
 
+def left_out(case: Case) -> list[str]:
+    """Note of a verb that evaluates no bands, where a case asks for them."""
+    count = case.colour.wavelengths
+    return [f"colour: no {count} bands here; evaluate computes them"] if count else []
+
+
 def band_accuracy(accuracy: Accuracy, points: int) -> Accuracy:
     """Accuracy of a band at so many points: rays as a ratio needs them."""
     whole = accuracy.of_points(points)
@@ -192,8 +200,12 @@ def spectral_year(
     Raises
     ------
     InputError
-        A spectrum is unfit, or no surface has its name.
+        A spectrum is unfit, no surface has its name, or the façade takes too many states.
     """
+    if VARYING in taken.states:
+        got = "a façade of groups that takes more states than are simulated one by one"
+        remedy = 'close them "together", or leave bands out'
+        raise InputError(case.source, "colour.bands", got, remedy)
     bands = Bands.of(case.colour.wavelengths)
     tints = Tints(case, bands)
     every = (surface for state in taken.states for surface in surfaces_of(case, state))

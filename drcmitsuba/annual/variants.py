@@ -14,6 +14,7 @@ from drcmitsuba.annual.chosen_facade import ChosenFacade, light_of_channels
 from drcmitsuba.annual.result import Result, summed_up
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.simulated_year import SimulatedYear, simulated_year
+from drcmitsuba.annual.spectral_year import left_out
 from drcmitsuba.annual.summed_year import accuracy_of
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.reading import load_case
@@ -132,7 +133,9 @@ class SimulatedVariant:
             case, year.daylight, year.coefficients, year.direct, year.shade
         )
         self.run.seconds[case.name] += round(time.perf_counter() - start, 3)
-        result = summed_up(self.planned, year.coefficients, evaluated, self.run, self.remarks)
+        result = summed_up(
+            self.planned, year.coefficients, evaluated, self.run, [*self.remarks, *left_out(case)]
+        )
         return replace(result, daylight=year.daylight)
 
 

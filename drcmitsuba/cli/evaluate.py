@@ -55,7 +55,7 @@ def metrics_tables(numbers: dict, title: str) -> list[Table]:
     for month, row in enumerate(rows, start=1):
         months.add_row(str(month), *(percent(value) for value in row))
     parts = _spaces_table(numbers) or _grids_table(numbers)
-    return [whole, months, *_groups_table(numbers), *parts]
+    return [whole, months, *_groups_table(numbers), *parts, *_melanopic_table(numbers)]
 
 
 def _groups_table(numbers: dict) -> list[Table]:
@@ -89,6 +89,26 @@ def _spaces_table(numbers: dict) -> list[Table]:
         table.add_row(*words, f"{space['floor_area']:.1f}", str(space["sensors"]), *shares)
     if len(spaces) > MOST_ROWS:
         table.caption = f"{len(spaces) - MOST_ROWS} more spaces: metrics.json, spaces"
+    return [table]
+
+
+def _melanopic_table(numbers: dict) -> list[Table]:
+    """Table of melanopic light at the sensors and at each view; none without bands."""
+    told = numbers.get("melanopic")
+    if not told:
+        return []
+    table = Table(f"melanopic EDI, {told['threshold']:g} lx")
+    for column in ("% of hours (95 %)", "% of mornings", "per lx", "CCT [K]", "R_f"):
+        table.add_column(column, justify="right")
+    views = told.get("views", {})
+    for name, row in [("sensors", told), *list(views.items())[:MOST_ROWS]]:
+        mornings = percent(row["mornings"]) if "mornings" in row else "–"
+        lit = 3 * ["–"]
+        if "ratio" in row:
+            lit = [f"{row['ratio']:.2f}", f"{row['cct']:.0f}", f"{row['fidelity']:.0f}"]
+        table.add_row(escape(on_a_line(name)), percent(row["autonomy"]), mornings, *lit)
+    if len(views) > MOST_ROWS:
+        table.caption = f"{len(views) - MOST_ROWS} more views: metrics.json, melanopic"
     return [table]
 
 

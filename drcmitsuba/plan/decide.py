@@ -18,6 +18,9 @@ from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.scene import is_coloured
 from drcmitsuba.transport.mirrors.planar_mirrors import is_planar_mirror, is_rough_mirror
 
+OF_A_BAND = 0.15
+"""Time of a band per time of the year by luminance; of the classroom."""
+
 
 def sky(facts: Facts) -> Effect:
     """Patches of the sky: on where the room has an opening and some patch has a luminance."""
@@ -267,7 +270,8 @@ def colour(facts: Facts) -> Effect:
     """Colour channels."""
     bands = facts.case.colour.bands
     if isinstance(bands, int):
-        return Effect(False, f"{bands} bands follow the year by luminance, with few rays each")
+        again = f"{bands} bands follow, which take {OF_A_BAND * (bands + 1):.1f} times its time"
+        return Effect(False, f"the year goes by luminance; {again}")
     if bands == "luminance":
         return Effect(False, "[colour] asks for luminance")
     if bands == "rgb":

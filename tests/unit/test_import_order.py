@@ -16,9 +16,9 @@ from pathlib import Path
 import pytest
 
 ROOMS = [
-    "schema", "runtime", "blocks", "model", "case", "sky", "bsdf", "scene", "goniophotometer",
-    "transport", "metrics", "controls", "standards", "report", "picture", "export", "plan",
-    "annual", "rendering", "glare_year", "design", "cli",
+    "schema", "runtime", "blocks", "model", "case", "sky", "colour", "bsdf", "scene",
+    "goniophotometer", "transport", "metrics", "controls", "standards", "report", "picture",
+    "export", "plan", "annual", "rendering", "glare_year", "design", "cli",
 ]  # fmt: skip
 MOST_FLOORS = 10
 FOLDERS = {

@@ -108,6 +108,19 @@ def test_a_coloured_file_gives_its_channels(tmp_path):
     assert load(path, channel=0).leaves.numpy()[0] == pytest.approx(red)
     assert load(path).leaves.numpy()[0] == pytest.approx(0.02)
 
+    mix = (0.5, 0.3, 0.1)
+    mixed = np.dot(mix, [red, green, blue])
+    assert file.mixed(mix).components["tf"].value[0] == pytest.approx(mixed)
+    assert load(path, mix=list(mix)).leaves.numpy()[0] == pytest.approx(mixed)
+
+
+def test_a_mix_scales_a_grey_file_and_is_never_negative(tmp_path):
+    path = write(tmp_path, "TensorTree4")
+    plain, scaled, none = (load(path, mix=m) for m in ([1, 0, 0], [0.2, 0.2, 0.1], [-1, 0, 0]))
+    assert load(path).leaves.numpy() == pytest.approx(plain.leaves.numpy(), rel=1e-5)
+    assert scaled.leaves.numpy() == pytest.approx(0.5 * plain.leaves.numpy(), rel=1e-5)
+    assert none.leaves.numpy().max() <= 0
+
 
 def test_leaves_are_differentiable(tmp_path):
     path = write(tmp_path, "TensorTree4")
