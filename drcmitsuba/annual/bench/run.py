@@ -88,7 +88,8 @@ class Timed:
         rays = "–" if self.rays is None else f"{self.rays / 1e6:.2f} M"
         ratio = "–" if self.ratio is None else f"**{self.ratio:.0f} ×**"
         numbers = (f"{v:.3f}" for v in (e.total, e.direct, e.dark))
-        return f"| {self.name} | {self.seconds:.3g} | {rays} | {' | '.join(numbers)} | {ratio} |"
+        seconds = f"{self.seconds:,.0f}" if self.seconds >= 100 else f"{self.seconds:.3g}"
+        return f"| {self.name} | {seconds} | {rays} | {' | '.join(numbers)} | {ratio} |"
 
 
 @dataclass(frozen=True)
