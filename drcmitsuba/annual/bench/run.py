@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import math
 import os
 import platform
 import tempfile
@@ -11,7 +12,7 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -77,6 +78,7 @@ class Timed:
 
     name: str
     seconds: float
+    """Seconds of the work [s]; NaN where no setting that was tried has errors so small."""
     errors: CoefficientErrors
     rays: int | None = None
     ratio: float | None = None
@@ -88,7 +90,8 @@ class Timed:
         rays = "–" if self.rays is None else f"{self.rays / 1e6:.2f} M"
         ratio = "–" if self.ratio is None else f"**{self.ratio:.0f} ×**"
         numbers = (f"{v:.3f}" for v in (e.total, e.direct, e.dark))
-        seconds = f"{self.seconds:,.0f}" if self.seconds >= 100 else f"{self.seconds:.3g}"
+        s = self.seconds
+        seconds = "–" if math.isnan(s) else f"{s:,.0f}" if s >= 100 else f"{s:.3g}"
         return f"| {self.name} | {seconds} | {rays} | {' | '.join(numbers)} | {ratio} |"
 
 
@@ -174,6 +177,7 @@ def bench(scope: Scope = WHOLE, weather: Path | None = None, stage: Stage = sile
 class Kind:
     """One kind of source: what is asked of each program."""
 
+    light: Literal["sky", "suns"]
     title: str
     samples: dict[str, Any]
     line: str
@@ -188,40 +192,40 @@ class Kind:
     @property
     def is_sky(self) -> bool:
         """Whether the sky lights the room, not suns."""
-        return self.samples is SKY
+        return self.light == "sky"
 
 
 def _sky(theirs: RadianceRoom | None) -> Kind:
     trace = None if theirs is None else lambda options, _: theirs.sky(options)
     line = f"`rcontrib {SKY_OPTIONS}`"
-    return Kind(f"{BINS} bins of sky and ground", SKY, line, trace, SKY_OPTIONS, "-ab 1")
+    title = f"{BINS} bins of sky and ground"
+    return Kind("sky", title, SKY, line, trace, SKY_OPTIONS, "-ab 1")
 
 
 def _suns(theirs: RadianceRoom | None, count: int, picked: int) -> Kind:
     trace = None if theirs is None else lambda options, suns: theirs.suns(suns, options)
     line = f"`rcontrib {SUN_OPTIONS}`, {picked} suns, times {count} / {picked}"
     title = "Exact suns of a year, {suns}, all bounces"
-    return Kind(title, SUNS, line, trace, SUN_OPTIONS, "-ab 0", count / picked)
+    return Kind("suns", title, SUNS, line, trace, SUN_OPTIONS, "-ab 0", count / picked)
 
 
 def _measured(
     room: BenchRoom, kind: Kind, scope: Scope, stage: Stage
 ) -> tuple[KnownCoefficients, tuple[Timed, ...]]:
     """Reference, and a row for Radiance and for ours at each of its errors."""
-    name = "sky" if kind.is_sky else "suns"
     rounds = scope.rounds if kind.is_sky else scope.rounds // 2
-    with stage(f"{name}: reference") as done:
+    with stage(f"{kind.light}: reference") as done:
         reference = known(*trace_halves(room, None if kind.is_sky else room.suns, rounds, done))
     rows: list[Timed] = []
     if kind.trace is not None:
-        with stage(f"{name}: Radiance") as done:
+        with stage(f"{kind.light}: Radiance") as done:
             direct, _ = kind.trace(f"{kind.options} {kind.only_direct}", room.suns)
             done(0.2)
             total, seconds = kind.trace(kind.options, room.suns)
             errors = reference.errors(total, direct)
             rows = [Timed(kind.line, seconds * kind.times, errors)]
     goal = rows[0] if rows else None
-    with stage(f"{name}: ours") as done:
+    with stage(f"{kind.light}: ours") as done:
         return reference, (*rows, *_ours(room, kind, reference, goal, done))
 
 
@@ -240,7 +244,7 @@ def _ours(
     for every, words in ((True, "no column worse"), (False, "at its RMS")):
         fit = [t for t in tried if t.errors.within(goal.errors, every)]
         if not fit:
-            yield Timed(f"ours, {words}: no setting tried", float("nan"), tried[-1].errors)
+            yield Timed(f"ours, {words}: no setting tried", math.nan, tried[-1].errors)
             continue
         best = min(fit, key=lambda t: t.seconds)
         ratio = goal.seconds / best.seconds

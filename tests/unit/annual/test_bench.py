@@ -29,6 +29,10 @@ def test_a_table_has_as_many_cells_in_every_row():
     assert text.endswith("A note.\n")
 
 
+def test_errors_that_are_not_reached_have_no_seconds():
+    assert Timed("ours", float("nan"), ERRORS).row().startswith("| ours | – | – | 0.200 |")
+
+
 def test_halves_tell_the_reference_and_its_own_error():
     direct = np.array([[1.0, 0.0]])
     halves = np.array([[[[1.0, 0.0]], [[1.0, 2.0]]], [[[1.0, 0.0]], [[3.0, 2.0]]]])
