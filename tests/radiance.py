@@ -11,10 +11,7 @@ which is where the seed comes from.
 
 from __future__ import annotations
 
-import importlib.util
-import os
 import re
-import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,8 +20,8 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.facade import Facade, Strip
 from drcmitsuba.export.primitives import GLAZING, GLAZING_FILE, RadianceTwin, polygons, twin
+from drcmitsuba.export.programs import RadiancePrograms, package_folder
 from drcmitsuba.export.sources import SKY, SUN_RADIANCE, sun_modifiers, sun_text
 from drcmitsuba.model.materials import BsdfMaterial, GlazingMaterial, Lambertian
 from drcmitsuba.scene.geometry import Surface
@@ -41,33 +38,15 @@ skyglow source sky 0 0 4 0 0 1 180
 """
 
 
-def home() -> Path | None:
-    """Folder of the pyradiance package; None where it is not installed."""
-    spec = importlib.util.find_spec("pyradiance")
-    if spec is None or not spec.submodule_search_locations:
-        return None
-    return Path(spec.submodule_search_locations[0])
+home = package_folder
 
 
 def run(
     command: Sequence[str], folder: Path, stdin: bytes = b"", timeout: float | None = None
 ) -> bytes:
-    """Output of a Radiance program, run in a folder."""
-    root = home()
-    assert root is not None, "pyradiance is not installed"
-    path = os.pathsep.join([str(root / "bin"), os.environ.get("PATH", "")])
-    environment = {**os.environ, "PATH": path, "RAYPATH": os.pathsep.join([".", str(root / "lib")])}
-    done = subprocess.run(
-        command, cwd=folder, input=stdin, env=environment, capture_output=True, timeout=timeout
-    )
-    if done.returncode:
-        raise RuntimeError(f"{' '.join(command)}: {done.stderr.decode()}")
-    return done.stdout
-
-
-def version() -> str:
-    """Version of Radiance, as `rcontrib` gives it."""
-    return run(["rcontrib", "-version"], Path()).decode().strip()
+    """Output of a Radiance program of the package, run in a folder."""
+    assert home() is not None, "pyradiance is not installed"
+    return RadiancePrograms(home()).run(command, folder, stdin, timeout)
 
 
 def glass(cos_theta: np.ndarray, transmissivity: float) -> tuple[np.ndarray, np.ndarray]:
@@ -161,21 +140,6 @@ def patch_centres(subdivision: int, folder: Path) -> np.ndarray:
     bins = "".join(f"{i}\n" for i in range(1, int(last) + 1)).encode()
     command = ["rcalc", *mf, "-e", "Rbin=$1", "-of", "-e", "$1=Dx;$2=Dy;$3=Dz"]
     return np.frombuffer(run(command, folder, bins), np.float32).reshape(-1, 3).astype(float)
-
-
-def opened(case: Case) -> Case:
-    """The case with holes in place of every strip of its façades, and no shade."""
-    facade = {
-        side: Facade(
-            segments=f.segments, frame=f.frame, frame_reflectance=f.frame_reflectance,
-            strips=tuple(
-                Strip(bottom=s.bottom, top=s.top, material="open", segments=s.segments)
-                for s in f.strips
-            ),
-        )
-        for side, f in case.facade.items()
-    }  # fmt: skip
-    return case.model_copy(update={"facade": facade, "shading": None})
 
 
 def reciprocal(case: Case, folder: Path, *, reflects: bool = True) -> Case:

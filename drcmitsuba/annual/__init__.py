@@ -20,4 +20,6 @@ study
     Many variations of a case.
 tradeoff
     Accuracy against time.
+bench
+    Seconds beside Radiance, at equal error.
 """

@@ -33,6 +33,17 @@ def controlled(year: Elements, control: Control, weather: xr.Dataset) -> xr.Data
     ------
     InputError
         The control returns another shape, or a state that a group does not have.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> from functools import partial
+    >>> from drcmitsuba import controls
+    >>> light = drcmitsuba.elements("corner_office.toml")
+    >>> control = partial(controls.work_plane, groups=light.groups, close=3000, reopen=1500)
+    >>> E = drcmitsuba.controlled(light, control, controls.outside(light.case, light.daylight))
+    >>> E["total"].dims
+    ('time', 'sensor')
     """
     sky, groups = year.daylight.sky, year.groups
     is_open = year.in_states(np.zeros((sky.sizes["time"], len(groups)), int))

@@ -259,6 +259,16 @@ def elements(case: Case | str | Path, fills: Fills = (), stage: Stage = silent) 
     InputError
         An opening or a fill is unknown, the sun is adaptive, there is a target, or memory does not
         hold so many elements.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> light = drcmitsuba.elements("corner_office.toml", fills=["hole"])
+    >>> light.fills
+    {'south': ('glass', 'blind', 'fabric', 'hole'), 'east': ('glass', 'fabric', 'hole')}
+    >>> result = light.evaluate({"south": "hole"})
+    >>> result.metrics["sDA"]
+    {'value': ..., 'low': ..., 'high': ...}
     """
     case = case if isinstance(case, Case) else load_case(case)
     backend.select()

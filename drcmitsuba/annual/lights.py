@@ -125,6 +125,13 @@ def lights(
     ------
     InputError
         A point far from all sensors, too many points, or results of another case.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> who = drcmitsuba.lights("office.toml", [(3.0, 1.0)])
+    >>> who.shares.dims
+    ('window', 'source', 'bounces', 'sensor')
     """
     case = case if isinstance(case, Case) else load_case(case)
     sensors = nearest_sensors(case, points)
@@ -163,6 +170,13 @@ def lights_of_sensors(
     ------
     InputError
         The results are of another case.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> light = drcmitsuba.lights_of_sensors("office.toml")
+    >>> light["exposure"].dims
+    ('state', 'window', 'source', 'bounces', 'sensor')
     """
     case = case if isinstance(case, Case) else load_case(case)
     traced = LightTracing.of(case, results, stage)

@@ -77,6 +77,17 @@ class Result(SavedResult):
         Content of `plan.json`.
     enabled_effects : EnabledEffects
         Effects that were simulated.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> result = drcmitsuba.evaluate("office.toml")
+    >>> noon = result.illuminance["total_open"].sel(time="2015-03-20T12:00")
+    >>> bool(noon.max() > 100)
+    True
+    >>> result.coefficients["direct"].dims
+    ('state', 'sensor', 'bin')
+    >>> saved = result.save("results")
     """
 
     case: Case
@@ -173,6 +184,15 @@ def evaluate(
         The weather, the period, a material, a sensor or the cache is unfit.
     BackendError
         No fit LLVM or GPU.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> result = drcmitsuba.evaluate("office.toml")
+    >>> result.metrics["sDA"]
+    {'value': ..., 'low': ..., 'high': ...}
+    >>> result.illuminance["total"].dims
+    ('time', 'sensor')
     """
     with one_blas_thread():
         return _whole(_BegunEvaluation.of(case, stage, known, blocks), known)
@@ -207,6 +227,13 @@ def evaluate_within(
     ------
     InputError
         As `evaluate`; metrics alone are asked for beside a target.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> result = drcmitsuba.evaluate_within("office.toml", memory=8 << 30)
+    >>> result.metrics["sDA"]
+    {'value': ..., 'low': ..., 'high': ...}
     """
     with one_blas_thread():
         summed = partial(large_result.is_large, memory=memory)

@@ -57,6 +57,13 @@ def check(file: BsdfFile | str | Path) -> CheckReport:
     other numbers are means over the cells that meet there. Reciprocity is exact for trees of rank 4
     and for Klems; rank 3 is sampled at 16 × 64² pairs of directions. The façade is vertical. All
     values are for luminance.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> report = drcmitsuba.bsdf.check.check("film.xml")
+    >>> type(report).__name__
+    'CheckReport'
     """
     if not isinstance(file, BsdfFile):
         file = read(file)

@@ -26,6 +26,13 @@ def read(path: str | Path) -> BsdfFile:
     ------
     InputError
         The file is no BSDF file, or its numbers are wrong.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> film = drcmitsuba.bsdf.read("film.xml")
+    >>> type(film).__name__
+    'BsdfFile'
     """
     try:
         return bsdf_file.read(path)

@@ -65,7 +65,18 @@ from drcmitsuba.runtime.toml import (
 
 
 class Case(Table):
-    """Case file: room, façade, sky, sensors and accuracy of one evaluation."""
+    """Case file: room, façade, sky, sensors and accuracy of one evaluation.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> case = drcmitsuba.load_case("classroom/existing")
+    >>> case.metrics.sda_threshold
+    500.0
+    >>> other = case.with_tables(metrics=case.metrics.model_copy(update={"sda_threshold": 300.0}))
+    >>> other.metrics.sda_threshold
+    300.0
+    """
 
     name: Name = "case"
     """Title of tables and pictures."""

@@ -39,6 +39,13 @@ def load_case(path: str | Path) -> Case:
     ------
     InputError
         The file is missing or no TOML, or has an unknown key or a value out of its range.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> case = drcmitsuba.load_case("classroom/existing")  # or the path of a case of your own
+    >>> case.name, case.room.size
+    ('classroom, existing façade', (8.8, 9.05, 3.63))
     """
     file = locate_case(path)
     is_model = file.suffix.lower() in ENDINGS

@@ -30,7 +30,14 @@ def _shipped() -> list[str]:
 
 
 def shipped_cases() -> list[str]:
-    """Names of the cases that come with the package, such as `classroom/existing`."""
+    """Names of the cases that come with the package, such as `classroom/existing`.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> drcmitsuba.shipped_cases()[:3]
+    ['classroom/existing', 'classroom/o1', 'classroom/o2']
+    """
     return sorted(set(_shipped()) - set(shipped_recipes()))
 
 

@@ -14,6 +14,7 @@ import typer
 from typer.core import TyperCommand
 
 from drcmitsuba.cli import (
+    bench,
     cache,
     case,
     comply,
@@ -50,7 +51,7 @@ WITH_KERNELS: tuple[Callable[..., None], ...] = (
     evaluate.evaluate, comply.comply, plan.plan, case.case, tradeoff.tradeoff, optimise.optimise,
     season.season, steps.sky, steps.coefficients, steps.illuminance, steps.metrics, steps.plot,
     export.export, report.report, lights.lights, render.render, glare.glare,
-    study.study, films.bsdf, films.goniophotometer, information.doctor,
+    study.study, films.bsdf, films.goniophotometer, information.doctor, bench.bench,
 )  # fmt: skip
 WITHOUT_KERNELS: tuple[Callable[..., None], ...] = (
     information.new,

@@ -36,6 +36,23 @@ def best_state(
     ------
     InputError
         No state, an unknown one, or an objective of another shape or with NaN.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import numpy as np
+    >>> import xarray as xr
+    >>> from drcmitsuba import controls
+    >>> groups = controls.groups_of(drcmitsuba.load_case("corner_office.toml"))
+    >>> noon = np.array(["2015-03-20T12", "2015-03-20T13"], "datetime64[ns]")
+    >>> time = xr.DataArray(noon, dims="time")
+    >>> by_state = {
+    ...     "open/open": xr.DataArray([[400.0], [5000.0]], {"time": time}, ("time", "sensor")),
+    ...     "fabric/fabric": xr.DataArray([[60.0], [700.0]], {"time": time}, ("time", "sensor")),
+    ... }
+    >>> controls.best_state(by_state, lambda E: -abs(E - 500.0).mean("sensor"), groups).values
+    array([[0, 0],
+           [2, 1]])
     """
     if not by_state:
         raise InputError("best_state", "by_state", "no state", "give E of at least one state")

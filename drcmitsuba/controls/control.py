@@ -82,6 +82,21 @@ def called(
     ------
     InputError
         As `states_of`.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import numpy as np
+    >>> import xarray as xr
+    >>> from drcmitsuba import controls
+    >>> groups = controls.groups_of(drcmitsuba.load_case("corner_office.toml"))
+    >>> noon = np.array(["2015-03-20T12", "2015-03-20T13"], "datetime64[ns]")
+    >>> time = xr.DataArray(noon, dims="time")
+    >>> controls.called(
+    ...     lambda E, weather, time: np.ones((len(time), 2), int), None, None, time, groups
+    ... ).values
+    array([[1, 1],
+           [1, 1]])
     """
     name = getattr(control, "__name__", type(control).__name__)
     return states_of(np.asarray(control(E, weather, time)), time, groups, name)
@@ -108,6 +123,20 @@ def seasonal(
     ------
     InputError
         As `states_of`; months out of range.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> from drcmitsuba import controls
+    >>> case = drcmitsuba.load_case("corner_office.toml")
+    >>> groups, weather = controls.groups_of(case), controls.outside(case)
+    >>> from functools import partial
+    >>> by_sun = partial(controls.facade_irradiance, groups=groups, azimuths=[180, 90])
+    >>> states = controls.seasonal(
+    ...     None, weather, weather["time"], groups=groups, control=by_sun, months=[12, 1, 2]
+    ... )
+    >>> int(states.sel(time="2015-01").max())
+    0
     """
     if not set(months) <= set(range(1, 13)):
         raise InputError("seasonal", "months", f"{sorted(months)}", "give numbers from 1 to 12")

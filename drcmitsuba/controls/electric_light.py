@@ -40,6 +40,15 @@ def zone_illuminance(
     ------
     InputError
         Values that are not finite, or a zone without sensors.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import xarray as xr
+    >>> from drcmitsuba import controls
+    >>> E = xr.DataArray([[100.0, 300.0, 800.0]], dims=("time", "sensor"))
+    >>> controls.zone_illuminance(E, {"deep": np.array([0, 1]), "window": np.array([2])}).values
+    array([[200., 800.]])
     """
     E = thresholds.checked(illuminance, "illuminance")
     every = sensors_by_grid(illuminance) or {"all": np.arange(E.shape[1])}
@@ -82,6 +91,15 @@ def continuous_dimming(
     ------
     InputError
         A set point of 0, fractions out of range, values that are not finite.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> from drcmitsuba import controls
+    >>> values = [[0.0], [250.0], [600.0]]
+    >>> daylight = xr.DataArray(values, {"zone": ["all"]}, dims=("time", "zone"))
+    >>> controls.continuous_dimming(daylight, set_point=500.0).values.ravel().round(3)
+    array([1.   , 0.562, 0.3  ])
     """
     f = _wanted(daylight, set_point)
     for name, value in (("least_light", least_light), ("least_power", least_power)):
@@ -98,6 +116,15 @@ def dimming_to_off(
     """Power as by `continuous_dimming`, but off where daylight alone reaches the set point [1].
 
     Parameters, errors and result are those of `continuous_dimming`.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> from drcmitsuba import controls
+    >>> values = [[0.0], [250.0], [600.0]]
+    >>> daylight = xr.DataArray(values, {"zone": ["all"]}, dims=("time", "zone"))
+    >>> controls.dimming_to_off(daylight, set_point=500.0).values.ravel().round(3)
+    array([1.   , 0.562, 0.   ])
     """
     power = continuous_dimming(daylight, set_point, least_light, least_power)
     return power.where(_wanted(daylight, set_point) > 0, 0.0)
@@ -126,6 +153,15 @@ def stepped_dimming(
     ------
     InputError
         As `continuous_dimming`; steps out of range.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> from drcmitsuba import controls
+    >>> values = [[0.0], [250.0], [600.0]]
+    >>> daylight = xr.DataArray(values, {"zone": ["all"]}, dims=("time", "zone"))
+    >>> controls.stepped_dimming(daylight, set_point=500.0, steps=2).values.ravel()
+    array([1. , 0.5, 0. ])
     """
     if not 1 <= steps <= 100:
         raise InputError("dimming", "steps", f"{steps}", "give a number from 1 to 100")
@@ -163,6 +199,16 @@ def lighting_energy(
     ------
     InputError
         A zone without an area, fractions out of 0 to 1, other numbers out of range.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> from drcmitsuba import controls
+    >>> values = [[0.0], [250.0], [600.0]]
+    >>> daylight = xr.DataArray(values, {"zone": ["all"]}, dims=("time", "zone"))
+    >>> power = controls.dimming_to_off(daylight, set_point=500.0)
+    >>> controls.lighting_energy(power, 10.0, {"all": 20.0})["hours_off"].values
+    array([1.])
     """
     missing = [str(zone) for zone in power["zone"].values if str(zone) not in areas]
     if missing:

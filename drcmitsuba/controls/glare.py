@@ -37,6 +37,23 @@ def glare(
     ------
     InputError
         Other dims, a NaN, a limit out of range, a time stamp without DGP, or an unknown state.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import numpy as np
+    >>> import xarray as xr
+    >>> from drcmitsuba import controls
+    >>> groups = controls.groups_of(drcmitsuba.load_case("corner_office.toml"))
+    >>> noon = np.array(["2015-03-20T12", "2015-03-20T13"], "datetime64[ns]")
+    >>> time = xr.DataArray(noon, dims="time")
+    >>> dgp = xr.DataArray(
+    ...     [[[0.30], [0.45]], [[0.25], [0.30]]], dims=("state", "time", "view"),
+    ...     coords={"state": ["open", "shaded"], "time": time},
+    ... )
+    >>> controls.glare(None, None, time, groups=groups, dgp=dgp).values
+    array([[0, 0],
+           [2, 1]])
     """
     if set(dgp.dims) != {"state", "time", "view"}:
         got = f"dims {', '.join(map(str, dgp.dims))}"

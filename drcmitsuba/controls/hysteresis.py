@@ -78,6 +78,20 @@ def work_plane(
     ------
     InputError
         As `closed_by` and `control.states_of`.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import numpy as np
+    >>> import xarray as xr
+    >>> from drcmitsuba import controls
+    >>> groups = controls.groups_of(drcmitsuba.load_case("corner_office.toml"))
+    >>> noon = np.array(["2015-03-20T12", "2015-03-20T13"], "datetime64[ns]")
+    >>> time = xr.DataArray(noon, dims="time")
+    >>> E = xr.Dataset({"total_open": (("time", "sensor"), [[500.0, 900.0], [4000.0, 6000.0]])})
+    >>> controls.work_plane(E, None, time, groups=groups, close=3000).values
+    array([[0, 0],
+           [2, 1]])
     """
     mean = E["total_open"].transpose("time", "sensor").values.mean(axis=1, dtype=float)
     signal = np.repeat(mean[:, None], len(groups), axis=1)
@@ -99,6 +113,20 @@ def vertical_illuminance(
         Illuminance at which groups close, and below which they open, by default the same [lx].
     E, weather, time, groups, state
         As for `work_plane`; E is not used.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import numpy as np
+    >>> import xarray as xr
+    >>> from drcmitsuba import controls
+    >>> groups = controls.groups_of(drcmitsuba.load_case("corner_office.toml"))
+    >>> noon = np.array(["2015-03-20T12", "2015-03-20T13"], "datetime64[ns]")
+    >>> time = xr.DataArray(noon, dims="time")
+    >>> eyes = xr.DataArray([[800.0], [5000.0]], {"time": time}, ("time", "sensor"))
+    >>> controls.vertical_illuminance(None, None, time, groups=groups, eyes=eyes).values
+    array([[0, 0],
+           [2, 1]])
     """
     highest = eyes.transpose("time", "sensor").values.max(axis=1)
     signal = np.repeat(highest[:, None], len(groups), axis=1)
@@ -126,6 +154,18 @@ def facade_irradiance(
         ρ of the ground [–].
     E, time, groups, state
         As for `work_plane`; E is not used.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> from drcmitsuba import controls
+    >>> case = drcmitsuba.load_case("corner_office.toml")
+    >>> groups, weather = controls.groups_of(case), controls.outside(case)
+    >>> states = controls.facade_irradiance(
+    ...     None, weather, weather["time"], groups=groups, azimuths=[180, 90], close=150, reopen=100
+    ... )
+    >>> states.dims
+    ('time', 'group')
     """
     n = normals(azimuths, groups)
     sun = weather["sun_direction"].transpose("time", "axis").values

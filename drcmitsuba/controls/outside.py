@@ -26,6 +26,14 @@ def outside(case: Case, daylight: Daylight | None = None) -> xr.Dataset:
     xr.Dataset
         `dni`, `dhi`, `ghi` = DHI + DNI cos Z (time,) [W/m²], 0 where a case has no weather;
         `sun_direction` (time, axis), unit vectors: x east, y north, z up.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> from drcmitsuba import controls
+    >>> weather = controls.outside(drcmitsuba.load_case("corner_office.toml"))
+    >>> weather.sizes["time"]
+    8760
     """
     weather = weather_of(case)
     data = weather.data

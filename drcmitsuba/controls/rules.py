@@ -40,6 +40,20 @@ def lm83(
     -------
     xr.DataArray of int, dims (time, group)
         The last state of closed groups, 0 of the others.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import numpy as np
+    >>> import xarray as xr
+    >>> from drcmitsuba import controls
+    >>> groups = controls.groups_of(drcmitsuba.load_case("office.toml"))
+    >>> noon = np.array(["2015-03-20T12", "2015-03-20T13"], "datetime64[ns]")
+    >>> time = xr.DataArray(noon, dims="time")
+    >>> E = xr.Dataset({"direct_sun": (("time", "sensor"), [[0.0, 0.0], [0.0, 2500.0]])})
+    >>> controls.lm83(E.assign_coords(time=time), None, time, groups=groups).values
+    array([[0],
+           [1]])
     """
     rule = ShadeRule(groups, threshold, area, Schedule({}, len(groups)))
     closed = rule.closed(sunlit(E, rule), np.bincount(grid_of_sensors(E)))
@@ -65,6 +79,20 @@ def scheduled(
     ------
     InputError
         An unknown group, another number of hours, a state that the group does not have.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> from drcmitsuba import controls
+    >>> case = drcmitsuba.load_case("corner_office.toml")
+    >>> groups, weather = controls.groups_of(case), controls.outside(case)
+    >>> import numpy as np
+    >>> shut_at_night = np.tile(np.arange(24) < 6, 365).astype(int)
+    >>> states = controls.scheduled(
+    ...     None, weather, weather["time"], groups=groups, of_group={"east": shut_at_night}
+    ... )
+    >>> states.sel(group="east").values[:8]
+    array([1, 1, 1, 1, 1, 1, 0, 0])
     """
     numbers = {}
     for name, states in of_group.items():

@@ -17,7 +17,15 @@ from drcmitsuba.scene.prepared_case import prepared
 
 
 def groups_of(case: Case) -> GroupStates:
-    """Groups of panes of a case, and their states, without simulating it."""
+    """Groups of panes of a case, and their states, without simulating it.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> from drcmitsuba import controls
+    >>> controls.groups_of(drcmitsuba.load_case("corner_office.toml")).names
+    ('south', 'east')
+    """
     return prepared(case).groups.states
 
 
@@ -38,6 +46,17 @@ def save_schedule(states: xr.DataArray, groups: GroupStates, path: str | Path) -
     ------
     InputError
         States of other groups, or no group with several states.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> from drcmitsuba import controls
+    >>> case = drcmitsuba.load_case("corner_office.toml")
+    >>> groups, weather = controls.groups_of(case), controls.outside(case)
+    >>> states = controls.facade_irradiance(
+    ...     None, weather, weather["time"], groups=groups, azimuths=[180, 90]
+    ... )
+    >>> controls.save_schedule(states, groups, "states.csv")
     """
     values = states_of(states.values, states["time"], groups, "schedule").values
     chosen = [g for g, last in enumerate(groups.last) if last]

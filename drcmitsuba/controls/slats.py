@@ -59,6 +59,13 @@ def cut_off_angle(profile: np.ndarray, spacing: float, width: float) -> np.ndarr
     np.ndarray, shape (time,)
         β, 0 where flat slats are enough [deg]; NaN where there is no sun, infinite where no tilt is
         enough: the slats are narrower than their gap.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from drcmitsuba import controls
+    >>> controls.cut_off_angle(np.array([20.0, 60.0]), spacing=0.05, width=0.05).round(1)
+    array([50.,  0.])
     """
     if not (0 < spacing < np.inf and 0 < width < np.inf):
         got = f"spacing {spacing:g}, width {width:g}"
@@ -100,6 +107,19 @@ def cut_off(
     ------
     InputError
         Other numbers of azimuths or tilts, lengths of 0.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> from drcmitsuba import controls
+    >>> case = drcmitsuba.load_case("corner_office.toml")
+    >>> groups, weather = controls.groups_of(case), controls.outside(case)
+    >>> states = controls.cut_off(
+    ...     None, weather, weather["time"], groups=groups, azimuths=[180, 90],
+    ...     tilts=[[30.0, 60.0], [45.0]], spacing=0.05, width=0.05,
+    ... )
+    >>> states.dims
+    ('time', 'group')
     """
     n = normals(azimuths, groups)
     counts = [len(of_group) for of_group in tilts]

@@ -52,6 +52,15 @@ def matrices(coefficients: Coefficients, sky: xr.Dataset) -> Matrices:
     ------
     InputError
         A bin has no coefficients, or the suns of C stand elsewhere than those of the sky.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> from drcmitsuba.export.matrices import matrices
+    >>> result = drcmitsuba.evaluate("office.toml")
+    >>> made = matrices(result.by_state, result.daylight.sky)
+    >>> made.C.shape[1] == len(made.bins)
+    True
     """
     check_suns(coefficients.attrs, sky)
     taken = FacadeStates.of(coefficients.attrs, direct_sun(coefficients, sky))

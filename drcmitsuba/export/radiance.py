@@ -47,6 +47,15 @@ def save_radiance(case: Case, folder: Path, state: State = OPEN) -> Simulation:
     ------
     InputError
         The case is unfit, there is no shade to close, or the folder holds files.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> from pathlib import Path
+    >>> from drcmitsuba.export.radiance import save_radiance
+    >>> simulation = save_radiance(drcmitsuba.load_case("office.toml"), Path("radiance"))
+    >>> simulation.sensors
+    16
     """
     if state == SHADED and not len(prepared(case).groups):
         got = "shaded, but the case has no shade"

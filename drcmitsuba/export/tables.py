@@ -35,6 +35,14 @@ def save_ill(E: xr.Dataset, path: Path) -> None:
         `total` (time, sensor) [lx].
     path : Path
         The hour is the middle of the interval, in local standard time.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> from pathlib import Path
+    >>> from drcmitsuba.export.tables import save_ill
+    >>> result = drcmitsuba.evaluate("office.toml")
+    >>> save_ill(result.illuminance[["total"]], Path("office.ill"))
     """
     times = _hours(E).astype("datetime64[s]")
     months = times.astype("datetime64[M]")
@@ -55,6 +63,14 @@ def save_csv(E: xr.Dataset, path: Path) -> None:
         `total` (time, sensor) [lx], and `x`, `y`, `z` (sensor) [m].
     path : Path
         Time stamps are starts of intervals in local standard time.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> from pathlib import Path
+    >>> from drcmitsuba.export.tables import save_csv
+    >>> result = drcmitsuba.evaluate("office.toml")
+    >>> save_csv(result.illuminance[["total"]], Path("office.csv"))
     """
 
     def lines() -> Iterator[str]:

@@ -41,7 +41,16 @@ NONE = "none"
 
 @dataclass(frozen=True, eq=False)
 class GlareYear:
-    """Glare of a period; shows itself in Jupyter."""
+    """Glare of a period; shows itself in Jupyter.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> year = drcmitsuba.glare("desk.toml")
+    >>> year.classes()["rating"].dims
+    ('state', 'view')
+    >>> figure = year.year_plot(view="desk", state="open")
+    """
 
     case: Case
     hours: xr.Dataset

@@ -93,6 +93,14 @@ def glare(
     -----
     The interval of DGP holds the noise of E_v and, to first order, that of the luminances of bright
     surfaces, `luminance_noise`. Pixels have a size, `pixels.SIDE`, that it does not hold.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> year = drcmitsuba.glare("desk.toml")
+    >>> year.share(0.40).sel(state="open").dims
+    ('view',)
+    >>> saved = year.save("glare")
     """
     if not isinstance(case, Case):
         case = load_case(case)

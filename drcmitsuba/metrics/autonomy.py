@@ -39,6 +39,17 @@ def sda(illuminance: xr.DataArray, threshold: float = 300.0, fraction: float = 0
     ------
     InputError
         Other dims, no time stamp or sensor, values that are not finite, a threshold out of range.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import xarray as xr
+    >>> values = [[100.0, 400.0], [300.0, 500.0], [350.0, 600.0], [200.0, 700.0]]
+    >>> E = xr.DataArray(values, dims=("time", "sensor"))
+    >>> drcmitsuba.metrics.sda(E, threshold=300.0, fraction=0.5)
+    100.0
+    >>> drcmitsuba.metrics.sda(E, threshold=300.0, fraction=0.75)
+    50.0
     """
     E = thresholds.checked(illuminance, "illuminance")
     stamps = thresholds.stamps_reached(E, threshold)
@@ -69,6 +80,16 @@ def msda(
     ------
     InputError
         As `sda`; stamps that are not dates.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import pandas as pd
+    >>> import xarray as xr
+    >>> time = pd.to_datetime(["2015-01-05 12:00", "2015-01-05 13:00", "2015-02-05 12:00"])
+    >>> E = xr.DataArray([[100.0], [400.0], [200.0]], {"time": time}, ("time", "sensor"))
+    >>> drcmitsuba.metrics.msda(E, threshold=300.0).sel(month=[1, 2]).values
+    array([100.,   0.])
     """
     shares = thresholds.monthly_share(
         illuminance, "illuminance", threshold, lambda t_m, t_y: autonomy_stamps(fraction, t_m)

@@ -87,6 +87,15 @@ def daylight_factor(
     ------
     InputError
         Other dims, bins of no whole sky, values that are not finite.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> result = drcmitsuba.evaluate("office.toml")
+    >>> C = result.coefficients.sel(state="open")
+    >>> factor = drcmitsuba.metrics.daylight_factor(C["direct"] + C["interreflected"])
+    >>> bool((factor > 0).all())
+    True
     """
     if not isinstance(coefficients, xr.DataArray):
         got = type(coefficients).__name__

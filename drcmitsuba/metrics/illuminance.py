@@ -116,6 +116,15 @@ def illuminance(
     ------
     InputError
         A bin has no coefficients, or the suns of C stand elsewhere than those of the sky.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> from drcmitsuba.metrics.illuminance import illuminance
+    >>> result = drcmitsuba.evaluate("office.toml")
+    >>> E = illuminance(result.by_state, result.daylight.sky)
+    >>> float(abs(E["total"] - result.illuminance["total"]).max()) < 0.1
+    True
     """
     check_suns(coefficients.attrs, sky)
     direct = direct_sun(coefficients, sky) if direct is None else direct
@@ -155,6 +164,14 @@ def replicates(coefficients: Coefficients, sky: xr.Dataset) -> xr.DataArray:
     ------
     InputError
         A state has no coefficients.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> from drcmitsuba.metrics.illuminance import replicates
+    >>> result = drcmitsuba.evaluate("office.toml")
+    >>> replicates(result.by_state, result.daylight.sky).dims
+    ('replicate', 'time', 'sensor')
     """
     C = coefficients.by_luminance()
     taken = FacadeStates.of(C.attrs, direct_sun(C, sky))

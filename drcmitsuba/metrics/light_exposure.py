@@ -37,6 +37,15 @@ def light_exposure(illuminance: xr.DataArray, step_hours: float = 1.0) -> xr.Dat
     ------
     InputError
         Other dims, no time stamp or sensor, values that are not finite, a step out of range.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import xarray as xr
+    >>> values = [[100.0, 400.0], [300.0, 500.0], [350.0, 600.0], [200.0, 700.0]]
+    >>> E = xr.DataArray(values, dims=("time", "sensor"))
+    >>> drcmitsuba.metrics.light_exposure(E).values
+    array([ 950., 2200.])
     """
     E = thresholds.checked(illuminance, "illuminance")
     total = E.sum(axis=0, dtype=float) * thresholds.not_negative("step_hours", step_hours)
@@ -60,6 +69,15 @@ def uniformity(illuminance: xr.DataArray) -> xr.DataArray:
     ------
     InputError
         Other dims, no time stamp or sensor, values that are not finite.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import xarray as xr
+    >>> values = [[100.0, 400.0], [300.0, 500.0], [350.0, 600.0], [200.0, 700.0]]
+    >>> E = xr.DataArray(values, dims=("time", "sensor"))
+    >>> drcmitsuba.metrics.uniformity(E).values.round(2)
+    array([0.4 , 0.75, 0.74, 0.44])
     """
     E = thresholds.checked(illuminance, "illuminance")
     mean = E.mean(axis=1, dtype=float)
@@ -96,6 +114,17 @@ def sunlight_hours(
     ------
     InputError
         As `light_exposure`; stamps that are not dates, a threshold of 0.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import pandas as pd
+    >>> import xarray as xr
+    >>> time = pd.to_datetime(["2015-01-05 12:00", "2015-01-05 13:00", "2015-02-05 12:00"])
+    >>> direct = xr.DataArray([[0.0], [2000.0], [500.0]], {"time": time}, ("time", "sensor"))
+    >>> drcmitsuba.metrics.sunlight_hours(direct).values
+    array([[1.],
+           [1.]])
     """
     E = thresholds.checked(direct, "direct")
     thresholds.months(direct, "direct")

@@ -39,6 +39,15 @@ def mean_hours(
     ------
     InputError
         Other dims, no time stamp or sensor, values that are not finite, a threshold out of range.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import xarray as xr
+    >>> values = [[100.0, 400.0], [300.0, 500.0], [350.0, 600.0], [200.0, 700.0]]
+    >>> E = xr.DataArray(values, dims=("time", "sensor"))
+    >>> drcmitsuba.metrics.mean_hours(E, threshold=400.0)
+    3.0
     """
     E = thresholds.checked(illuminance, "illuminance")
     limit = thresholds.not_negative("threshold", threshold)
@@ -57,6 +66,15 @@ def worst_point_hours(
     -------
     float
         min_j #{t : E_tj ≥ threshold} · step_hours [h].
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import xarray as xr
+    >>> values = [[100.0, 400.0], [300.0, 500.0], [350.0, 600.0], [200.0, 700.0]]
+    >>> E = xr.DataArray(values, dims=("time", "sensor"))
+    >>> drcmitsuba.metrics.worst_point_hours(E, threshold=300.0)
+    2.0
     """
     E = thresholds.checked(illuminance, "illuminance")
     step = thresholds.not_negative("step_hours", step_hours)

@@ -40,6 +40,15 @@ def da(illuminance: xr.DataArray, threshold: float = 300.0) -> xr.DataArray:
     ------
     InputError
         Other dims, no time stamp or sensor, values that are not finite, a threshold out of range.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import xarray as xr
+    >>> values = [[100.0, 400.0], [300.0, 500.0], [350.0, 600.0], [200.0, 700.0]]
+    >>> E = xr.DataArray(values, dims=("time", "sensor"))
+    >>> drcmitsuba.metrics.da(E).values
+    array([ 50., 100.])
     """
     E = thresholds.checked(illuminance, "illuminance")
     shares = 100.0 * thresholds.stamps_reached(E, threshold) / len(E)
@@ -57,6 +66,15 @@ def cda(illuminance: xr.DataArray, threshold: float = 300.0) -> xr.DataArray:
     -------
     DataArray (sensor,)
         cDA [%].
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import xarray as xr
+    >>> values = [[100.0, 400.0], [300.0, 500.0], [350.0, 600.0], [200.0, 700.0]]
+    >>> E = xr.DataArray(values, dims=("time", "sensor"))
+    >>> drcmitsuba.metrics.cda(E).values
+    array([ 75., 100.])
     """
     E = thresholds.checked(illuminance, "illuminance")
     limit = _positive(threshold)
@@ -88,6 +106,15 @@ def share_of_points(values: xr.DataArray, at_least: float) -> float:
     ------
     InputError
         Other dims, no sensor, values that are not finite.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import xarray as xr
+    >>> values = [[100.0, 400.0], [300.0, 500.0], [350.0, 600.0], [200.0, 700.0]]
+    >>> E = xr.DataArray(values, dims=("time", "sensor"))
+    >>> drcmitsuba.metrics.share_of_points(drcmitsuba.metrics.da(E), at_least=75.0)
+    50.0
     """
     if not isinstance(values, xr.DataArray):
         raise InputError("values", "type", type(values).__name__, "give an xarray DataArray")

@@ -44,6 +44,14 @@ def daylight_hours(
     ------
     InputError
         Another dim, values that are not finite, fewer time stamps than `hours`.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import xarray as xr
+    >>> diffuse = xr.DataArray([0.0, 5e3, 9e3, 2e3], dims="time")
+    >>> drcmitsuba.metrics.daylight_hours(diffuse, hours=2).values
+    array([False,  True,  True, False])
     """
     if not isinstance(diffuse, xr.DataArray):
         raise InputError("diffuse", "type", type(diffuse).__name__, "give an xarray DataArray")
@@ -83,6 +91,15 @@ def median_illuminance(illuminance: xr.DataArray, fraction: float = 0.5) -> xr.D
     ------
     InputError
         Other dims, no time stamp or sensor, values that are not finite, a fraction out of range.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import xarray as xr
+    >>> values = [[100.0, 400.0], [300.0, 500.0], [350.0, 600.0], [200.0, 700.0]]
+    >>> E = xr.DataArray(values, dims=("time", "sensor"))
+    >>> drcmitsuba.metrics.median_illuminance(E).values
+    array([300., 600.])
     """
     E = thresholds.checked(illuminance, "illuminance")
     rank = autonomy_stamps(fraction, len(E))
@@ -116,6 +133,15 @@ def provision(illuminance: xr.DataArray, area: float = 0.5, fraction: float = 0.
     ------
     InputError
         As `median_illuminance`; an area out of range.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import xarray as xr
+    >>> values = [[100.0, 400.0], [300.0, 500.0], [350.0, 600.0], [200.0, 700.0]]
+    >>> E = xr.DataArray(values, dims=("time", "sensor"))
+    >>> drcmitsuba.metrics.provision(E)
+    600.0
     """
     values = np.sort(median_illuminance(illuminance, fraction).values)
     points = math.ceil(thresholds.exact_fraction("area", area) * len(values))

@@ -46,6 +46,14 @@ def shade_closed(
     ------
     InputError
         Other dims, no time stamp or sensor, values that are not finite, a threshold out of range.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import xarray as xr
+    >>> direct = xr.DataArray([[0.0, 900.0], [0.0, 2500.0]], dims=("time", "sensor"))
+    >>> drcmitsuba.metrics.shade_closed(direct, area=0.02).values
+    array([False,  True])
     """
     E = checked(direct, "direct")
     grid = grid_of_sensors(direct)

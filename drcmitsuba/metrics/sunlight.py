@@ -52,6 +52,15 @@ def ase(
     ------
     InputError
         Other dims, no time stamp or sensor, values that are not finite, a threshold out of range.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import xarray as xr
+    >>> values = [[0.0, 1000.0], [0.0, 2500.0], [1200.0, 900.0]]
+    >>> direct = xr.DataArray(values, dims=("time", "sensor"))
+    >>> drcmitsuba.metrics.ase(direct, threshold=1000.0, hours=2)
+    50.0
     """
     a_j = thresholds.stamps_reached(thresholds.checked(direct, "direct"), threshold)
     return thresholds.share(a_j >= exposure_stamps(hours, step_hours))
@@ -82,6 +91,16 @@ def mse(
     ------
     InputError
         As `ase`; stamps that are not dates.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import pandas as pd
+    >>> import xarray as xr
+    >>> time = pd.to_datetime(["2015-01-05 12:00", "2015-01-05 13:00", "2015-02-05 12:00"])
+    >>> direct = xr.DataArray([[0.0], [2000.0], [0.0]], {"time": time}, ("time", "sensor"))
+    >>> drcmitsuba.metrics.mse(direct, hours=1.0).sel(month=[1, 2]).values
+    array([100.,   0.])
     """
     shares = thresholds.monthly_share(
         direct, "direct", threshold, lambda t_m, t_y: exposure_stamps(hours, step_hours, t_m, t_y)

@@ -47,6 +47,15 @@ def udi(illuminance: xr.DataArray, limits: Sequence[float] = LIMITS) -> xr.DataA
     ------
     InputError
         Other dims, no time stamp or sensor, values that are not finite, limits that do not rise.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import xarray as xr
+    >>> values = [[100.0, 400.0], [300.0, 500.0], [350.0, 600.0], [200.0, 700.0]]
+    >>> E = xr.DataArray(values, dims=("time", "sensor"))
+    >>> drcmitsuba.metrics.udi(E).sum("range").values
+    array([100., 100.])
     """
     low, useful, high = _rising(limits)
     E = thresholds.checked(illuminance, "illuminance")

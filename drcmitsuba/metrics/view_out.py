@@ -48,6 +48,14 @@ def sight_angle(distance: xr.DataArray) -> xr.DataArray:
     ------
     InputError
         Other dims, azimuths that are not evenly spaced, no ray, or negative distances.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> case = drcmitsuba.load_case("office.toml")
+    >>> seen = drcmitsuba.view_distances(case, [(3.0, 1.0, 1.2)])
+    >>> float(drcmitsuba.metrics.sight_angle(seen)[0]) > 90
+    True
     """
     values = _checked(distance)
     step = 360.0 / values.shape[1]
@@ -65,6 +73,14 @@ def outside_distance(distance: xr.DataArray) -> xr.DataArray:
     -------
     DataArray (sensor,)
         Distance [m]: ∞ where at least half of the azimuths meet nothing, 0 without a view.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> case = drcmitsuba.load_case("office.toml")
+    >>> seen = drcmitsuba.view_distances(case, [(3.0, 1.0, 1.2)])
+    >>> drcmitsuba.metrics.outside_distance(seen).values
+    array([inf])
     """
     values = _checked(distance)
     level = abs(distance["elevation"].values)
@@ -91,6 +107,14 @@ def view_layers(distance: xr.DataArray) -> xr.DataArray:
     -------
     DataArray of bool (layer, sensor)
         Whether each layer is seen.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> case = drcmitsuba.load_case("office.toml")
+    >>> seen = drcmitsuba.view_distances(case, [(3.0, 1.0, 1.2)])
+    >>> drcmitsuba.metrics.view_layers(seen).values.ravel()
+    array([ True,  True,  True])
     """
     values, elevation = _checked(distance), distance["elevation"].values
     is_free, met = np.isinf(values), np.isfinite(values)
@@ -111,6 +135,14 @@ def view_level(distance: xr.DataArray) -> xr.DataArray:
     -------
     DataArray of int (sensor,)
         0 for none, 1 minimum, 2 medium, 3 high: the lowest of the three.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> case = drcmitsuba.load_case("office.toml")
+    >>> seen = drcmitsuba.view_distances(case, [(3.0, 1.0, 1.2)])
+    >>> drcmitsuba.metrics.view_level(seen).values
+    array([3])
     """
     layers = view_layers(distance)
     width, far = sight_angle(distance).values, outside_distance(distance).values

@@ -49,6 +49,17 @@ def false_colour(
     ------
     InputError
         The ends are not in order above 0.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from drcmitsuba import picture
+    >>> view = picture.PictureView("equidistant", direction=(0, 1, 0), angles=(180, 180))
+    >>> bright = np.full((60, 60, 3), 500, np.float32)
+    >>> bright[12:24, 20:36] = 8000
+    >>> office = picture.Picture(bright, view)
+    >>> from drcmitsuba.picture.false_colour import false_colour
+    >>> figure = false_colour(office, least=100, most=10_000, title="Office")
     """
     luminance = picture.luminance.astype(float)
     lit = luminance[luminance > 0]
@@ -89,6 +100,19 @@ class _Plain(LogFormatter):
 
 
 def save_png(pixels: np.ndarray, file: str | Path) -> None:
-    """Write sRGB pixels (row, column, 3) from 0 to 255 as PNG; never leaves half a file."""
+    """Write sRGB pixels (row, column, 3) from 0 to 255 as PNG; never leaves half a file.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from drcmitsuba import picture
+    >>> view = picture.PictureView("equidistant", direction=(0, 1, 0), angles=(180, 180))
+    >>> bright = np.full((60, 60, 3), 500, np.float32)
+    >>> bright[12:24, 20:36] = 8000
+    >>> office = picture.Picture(bright, view)
+    >>> from drcmitsuba.picture import tone
+    >>> from drcmitsuba.picture.false_colour import save_png
+    >>> save_png(tone.human(office), "office.png")
+    """
     with storage.whole(Path(file)) as temporary:
         imsave(temporary, pixels, format="png")

@@ -30,6 +30,18 @@ def read(file: str | Path) -> Picture:
     ------
     InputError
         The file is missing, too large for memory, of another format, or broken.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from drcmitsuba import picture
+    >>> view = picture.PictureView("equidistant", direction=(0, 1, 0), angles=(180, 180))
+    >>> bright = np.full((60, 60, 3), 500, np.float32)
+    >>> bright[12:24, 20:36] = 8000
+    >>> office = picture.Picture(bright, view)
+    >>> picture.save(office, "office.hdr")
+    >>> picture.read("office.hdr").rgb.shape
+    (60, 60, 3)
     """
     file = Path(file)
     with source_file.opened(file, MOST_PIXELS * 16) as stream:
@@ -57,6 +69,16 @@ def save(picture: Picture, file: str | Path) -> None:
     ------
     InputError
         The ending is another one.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from drcmitsuba import picture
+    >>> view = picture.PictureView("equidistant", direction=(0, 1, 0), angles=(180, 180))
+    >>> bright = np.full((60, 60, 3), 500, np.float32)
+    >>> bright[12:24, 20:36] = 8000
+    >>> office = picture.Picture(bright, view)
+    >>> picture.save(office, "office.hdr")
     """
     file = Path(file)
     ending = file.suffix.lower()

@@ -169,6 +169,21 @@ def glare(
     ------
     InputError
         There is no view, the picture has more than 2 million pixels, or a parameter is unfit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from drcmitsuba import picture
+    >>> view = picture.PictureView("equidistant", direction=(0, 1, 0), angles=(180, 180))
+    >>> bright = np.full((60, 60, 3), 500, np.float32)
+    >>> bright[12:24, 20:36] = 8000
+    >>> office = picture.Picture(bright, view)
+    >>> from drcmitsuba.picture.glare import glare
+    >>> seen = glare(office)
+    >>> len(seen.sources)
+    1
+    >>> bool(0 < seen.dgp() < 1)
+    True
     """
     _refuse_unfit(picture, threshold, opening, peak)
     shown = picture.view_or(view)

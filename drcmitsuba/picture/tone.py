@@ -51,6 +51,18 @@ def exposed(picture: Picture, white: float | None = None) -> np.ndarray:
     -------
     np.ndarray, shape (row, column, 3)
         sRGB from 0 to 255, uint8.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from drcmitsuba import picture
+    >>> view = picture.PictureView("equidistant", direction=(0, 1, 0), angles=(180, 180))
+    >>> bright = np.full((60, 60, 3), 500, np.float32)
+    >>> bright[12:24, 20:36] = 8000
+    >>> office = picture.Picture(bright, view)
+    >>> from drcmitsuba.picture import tone
+    >>> tone.exposed(office, white=4000)[0, 0]
+    array([99, 99, 99], dtype=uint8)
     """
     luminance = picture.luminance
     if white is None:
@@ -73,6 +85,18 @@ def human(picture: Picture) -> np.ndarray:
     -------
     np.ndarray, shape (row, column, 3)
         sRGB from 0 to 255, uint8.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from drcmitsuba import picture
+    >>> view = picture.PictureView("equidistant", direction=(0, 1, 0), angles=(180, 180))
+    >>> bright = np.full((60, 60, 3), 500, np.float32)
+    >>> bright[12:24, 20:36] = 8000
+    >>> office = picture.Picture(bright, view)
+    >>> from drcmitsuba.picture import tone
+    >>> tone.human(office).dtype
+    dtype('uint8')
     """
     luminance = np.maximum(picture.luminance.astype(float), 0)
     edges, count = _histogram(_foveal(picture, luminance))

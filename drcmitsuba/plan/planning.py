@@ -87,6 +87,14 @@ def plan(case: Case, light: Daylight) -> Plan:
     ------
     InputError
         A component or a BSDF file is unfit, or a model leaks.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> from drcmitsuba.plan import plan
+    >>> from drcmitsuba.sky.daylight import daylight
+    >>> case = drcmitsuba.load_case("office.toml")
+    >>> decided = plan(case, daylight(case))
     """
     refuse_leaks(case)
     refuse_darkness(case)

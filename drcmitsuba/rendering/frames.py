@@ -117,6 +117,13 @@ def render(
     ------
     InputError
         As `frames`.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> shown = drcmitsuba.render("desk.toml", "desk", "03-20 12:00", size=16)
+    >>> shown.picture.luminance.shape
+    (16, 16)
     """
     (one,) = frames(
         case, view, [time], size=size, sampling=sampling, state=state, source=source,

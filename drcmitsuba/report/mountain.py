@@ -59,6 +59,14 @@ def mountain(
     ------
     InputError
         The sensors of a grid form no rectangle of at least two rows and columns.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> from drcmitsuba.report import plots
+    >>> result = drcmitsuba.evaluate("office.toml")
+    >>> mean = result.illuminance["total"].mean("time", keep_attrs=True)
+    >>> axes = plots.mountain(mean, title="mean of the year")
     """
     positions(values)
     numbers = np.ma.masked_invalid(values.values.astype(float))

@@ -93,6 +93,14 @@ def plan(
     Sensors of a grid that is rectangular, turned or with gaps, become tiles that end half way to
     the next sensor; all others become discs, and arrows along their normals where these do not
     face up.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> from drcmitsuba.report import plots
+    >>> result = drcmitsuba.evaluate("office.toml")
+    >>> mean = result.illuminance["total"].mean("time", keep_attrs=True)
+    >>> figure = plots.plan(mean, contours=(300, 500, 1000))
     """
     x, y = positions(values)
     numbers = np.ma.masked_invalid(np.asarray(values.values, dtype=float))

@@ -54,6 +54,16 @@ def section(
     ------
     InputError
         No sensor stands on the line, or its ends are the same.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> from drcmitsuba.report import plots
+    >>> result = drcmitsuba.evaluate("office.toml")
+    >>> mean = result.illuminance["total"].mean("time", keep_attrs=True)
+    >>> from drcmitsuba.report.section import through_middle
+    >>> start, end = through_middle(mean, direction=(0, 1))
+    >>> axes = plots.section(mean, start=start, end=end, name="mean of the year")
     """
     sensors, distance = sensors_along(values, start, end)
     is_new = ax is None
@@ -109,6 +119,17 @@ def through_middle(values: xr.DataArray, direction: ArrayLike) -> tuple[np.ndarr
     """Ends x, y [m] of a line through the middlemost sensor, from the first sensor to the last.
 
     The direction is x, y, of any length.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> from drcmitsuba.report import plots
+    >>> result = drcmitsuba.evaluate("office.toml")
+    >>> mean = result.illuminance["total"].mean("time", keep_attrs=True)
+    >>> from drcmitsuba.report.section import through_middle
+    >>> start, end = through_middle(mean, direction=(0, 1))
+    >>> len(start), len(end)
+    (2, 2)
     """
     at = np.column_stack(positions(values))
     ahead = np.asarray(direction, float)

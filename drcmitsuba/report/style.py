@@ -115,6 +115,14 @@ def save(figure: Figure, path: str | Path) -> Path:
     """Write a figure as PNG, whole or not at all, and return its path.
 
     An older file is replaced once the new one is complete.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> from drcmitsuba.report import plots
+    >>> result = drcmitsuba.evaluate("office.toml")
+    >>> mean = result.illuminance["total"].mean("time", keep_attrs=True)
+    >>> path = plots.save(plots.plan(mean), "plan.png")
     """
     return _save(image_of(figure, DPI), Path(path))
 

@@ -53,6 +53,14 @@ def temporal_map(
     ------
     InputError
         `values` has other dims than `time`, or no time stamps.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> from drcmitsuba.report import plots
+    >>> result = drcmitsuba.evaluate("office.toml")
+    >>> mean = result.illuminance["total"].mean("time", keep_attrs=True)
+    >>> axes = plots.temporal_map(result.illuminance["total"].mean("sensor", keep_attrs=True))
     """
     days, minutes, cells = day_by_hour(values)
     ax = new_axes((9.0, 3.9)) if ax is None else ax

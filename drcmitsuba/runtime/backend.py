@@ -117,6 +117,12 @@ def select(variant: str | None = None) -> str:
     ------
     BackendError
         The variant is unknown or no JIT variant, or its backend is missing or unfit.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> drcmitsuba.backend.select() in ("llvm_ad_mono", "cuda_ad_mono")
+    True
     """
     current = mi.variant()
     if current is not None and current.startswith("scalar"):

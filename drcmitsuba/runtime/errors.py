@@ -16,6 +16,13 @@ class InputError(ValueError):
         Value or state that the program met.
     remedy : str
         Advice to the user.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> drcmitsuba.load_case("nothing.toml")
+    Traceback (most recent call last):
+    drcmitsuba.runtime.errors.InputError: nothing.toml: case file: no such file; give a TOML file
     """
 
     def __init__(self, source: object, field: str, got: str, remedy: str) -> None:

@@ -194,6 +194,16 @@ def daylight(case: Case, times: np.ndarray | None = None) -> Daylight:
     ------
     InputError
         The weather file, the period or the time stamps are unfit, or no time stamp is left.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> from drcmitsuba.sky.daylight import daylight
+    >>> light = daylight(drcmitsuba.load_case("office.toml"))
+    >>> light.sky["sky"].dims
+    ('time', 'bin')
+    >>> light.step_hours
+    1.0
     """
     w = weather_of(case)
     light = _of_stamps(case, w, _stamps(case, w, times))

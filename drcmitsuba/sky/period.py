@@ -30,6 +30,12 @@ class Period:
     -----
     Month, weekday and hour are all those of the clock, which may show 1 January of the following
     year at the end of a southern December. Clocks change at 0:00 here, not at 1:00 or 2:00.
+
+    Examples
+    --------
+    >>> from drcmitsuba.sky.period import Period
+    >>> Period().hours
+    (8, 18)
     """
 
     months: tuple[int, ...] = tuple(range(1, 13))

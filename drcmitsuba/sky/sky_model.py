@@ -79,6 +79,18 @@ def radiance(
     -----
     The ground is a Lambertian plane: L = ρ/π (diffuse + direct normal · cos Z). A direct irradiance
     with the sun's centre below the horizon is dropped.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import numpy as np
+    >>> from drcmitsuba import sky
+    >>> weather = drcmitsuba.weather.default()
+    >>> time = np.array(["2015-03-20T12"], "datetime64[ns]")
+    >>> sun = sky.sun_position(time, 1.0, weather.site)
+    >>> L = sky.radiance(weather.data.sel(time=time), sun, model=sky.Perez())
+    >>> L["sky"].shape
+    (1, 146)
     """
     _check(data, sun, ground_reflectance, sun_diameter)
     patches = Patches() if patches is None else patches

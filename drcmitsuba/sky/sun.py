@@ -65,6 +65,15 @@ def sun_position(time: np.ndarray, step: float, site: Site, sun_time: str = "mid
     ----------
     .. [1] I. Reda, A. Andreas, "Solar position algorithm for solar radiation applications", Solar
        Energy 76(5), 2004; as implemented in pvlib.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import numpy as np
+    >>> site = drcmitsuba.weather.default().site
+    >>> sun = drcmitsuba.sky.sun_position(np.array(["2015-06-21T12"], "datetime64[ns]"), 1.0, site)
+    >>> round(float(sun["solar_zenith"][0]), 1)
+    12.8
     """
     time = np.asarray(time, dtype="datetime64[ns]")
     if not step > 0:

@@ -61,7 +61,16 @@ class Evaluated(Protocol):
 
 @dataclass(frozen=True)
 class Evidence:
-    """Illuminance of an evaluation, and what tells how sure it is."""
+    """Illuminance of an evaluation, and what tells how sure it is.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> result = drcmitsuba.evaluate("office.toml")
+    >>> evidence = drcmitsuba.standards.Evidence.of_result(result)
+    >>> evidence.illuminance["total"].dims
+    ('time', 'sensor')
+    """
 
     illuminance: xr.Dataset
     """E with `total`, `total_open`, `direct_sun` and their standard errors [lx]."""

@@ -114,7 +114,17 @@ def on_terms(terms: Terms, evidence: Evidence) -> list[Verdict | Refusal]:
 
 
 def verdicts(evidence: Evidence, standards: Iterable[str] | None = None) -> list[Verdict | Refusal]:
-    """Verdicts on standards, by default all; a refusal where `verdict` would raise InputError."""
+    """Verdicts on standards, by default all; a refusal where `verdict` would raise InputError.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> result = drcmitsuba.evaluate("office.toml")
+    >>> evidence = drcmitsuba.standards.Evidence.of_result(result)
+    >>> found = drcmitsuba.standards.verdicts(evidence, ["leed-v4.1", "en-17037"])
+    >>> [one.standard for one in found]
+    ['leed-v4.1', 'en-17037']
+    """
     judge, out = _Judge(evidence), list[Verdict | Refusal]()
     for name in names() if standards is None else standards:
         try:

@@ -67,6 +67,14 @@ def view_out(distance: xr.DataArray) -> ViewOut:
     ------
     InputError
         As `metrics.view_level`.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> case = drcmitsuba.load_case("office.toml")
+    >>> seen = drcmitsuba.view_distances(case, [(3.0, 1.0, 1.2)])
+    >>> drcmitsuba.standards.view_out(seen).points
+    1
     """
     level = metrics.view_level(distance).values
     width = metrics.sight_angle(distance).values

@@ -102,6 +102,20 @@ def compute(
 
     Limits: diffuse surfaces are Lambertian; light that a pane mirrors on its way from the source
     to the first diffuse surface is counted only where photons are followed.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import numpy as np
+    >>> from drcmitsuba.scene import scene
+    >>> from drcmitsuba.sky.sun_models import Suns
+    >>> case = drcmitsuba.load_case("office.toml")
+    >>> point, up = np.array([[3.0, 1.0, 0.8]]), np.array([[0.0, 0.0, 1.0]])
+    >>> C = drcmitsuba.coefficients.compute(
+    ...     scene.load(case), point, up, Suns((), np.zeros((0, 3))), case.accuracy
+    ... )
+    >>> C["direct"].shape
+    (1, 146)
     """
     blocks = compute_blocks(
         scene, points, normals, suns, accuracy, subdivision=subdivision, kept=kept,

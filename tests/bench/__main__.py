@@ -30,7 +30,6 @@ import argparse
 import datetime
 import itertools
 import os
-import platform
 import subprocess
 import sys
 import tempfile
@@ -44,12 +43,21 @@ import numpy as np
 import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
+from drcmitsuba.annual.bench.run import machine
 from drcmitsuba.runtime import backend
 from drcmitsuba.schema import positions
 from drcmitsuba.sky.sun_models import Suns
 from tests import radiance
 from tests.bench import films, photons
-from tests.bench.classroom import BINS, CASE, NO_SUNS, Classroom, Errors, Reference, reference
+from tests.bench.classroom import (
+    BINS,
+    CASE,
+    NO_SUNS,
+    Classroom,
+    CoefficientErrors,
+    KnownCoefficients,
+    reference,
+)
 
 PROCESSES = ["-n", "2"]
 SKY = {
@@ -118,7 +126,7 @@ def seconds(work: Callable[[], object], times: int) -> np.ndarray:
     return np.median([timed(work)[1] for _ in range(times)], axis=0)
 
 
-def columns(time: np.ndarray, errors: Errors) -> list[str]:
+def columns(time: np.ndarray, errors: CoefficientErrors) -> list[str]:
     return [
         *(f"{v:.3g}" for v in time), f"{errors.total:.3f}", f"{errors.direct:.3f}",
         f"{errors.dark:.3f}", f"{errors.mean:.4f}",
@@ -145,8 +153,8 @@ def settings(search: dict[str, tuple], quick: bool) -> list[dict[str, float]]:
 
 def fastest(
     search: list[dict[str, float]], work: Callable[[dict], tuple[np.ndarray, np.ndarray]],
-    known: Reference, goals: Sequence[Callable[[Errors], bool]],
-) -> list[tuple[np.ndarray, dict[str, float], Errors] | None]:  # fmt: skip
+    known: KnownCoefficients, goals: Sequence[Callable[[CoefficientErrors], bool]],
+) -> list[tuple[np.ndarray, dict[str, float], CoefficientErrors] | None]:  # fmt: skip
     """Settings that reach each goal in the least time; times of the finalists are repeated."""
     tried = []
     for accuracy in search:
@@ -164,7 +172,8 @@ def fastest(
 
 def compare(
     room: Classroom, search: list[dict[str, float]], suns: Suns, name: str, bins: list[str],
-    known: Reference, theirs: dict[str, tuple[np.ndarray, Errors]], rows: list[list[str]],
+    known: KnownCoefficients, theirs: dict[str, tuple[np.ndarray, CoefficientErrors]],
+    rows: list[list[str]],
 ) -> None:  # fmt: skip
     """Find our fastest settings for each of Radiance's errors, and print all rows."""
 
@@ -175,7 +184,10 @@ def compare(
         return direct + rest.astype(float), direct
 
     wanted = list(itertools.product(theirs, (False, True)))
-    goals = [partial(Errors.within, other=theirs[line][1], every=every) for line, every in wanted]
+    goals = [
+        partial(CoefficientErrors.within, other=theirs[line][1], every=every)
+        for line, every in wanted
+    ]
     choices = fastest(search, work, known, goals)
     for (line, every), best in zip(wanted, choices, strict=True):
         at = "errors" if every else "RMS"
@@ -390,17 +402,6 @@ def component(room: Classroom, options: argparse.Namespace, folder: Path) -> Non
 PARTS = {"a": sky, "b": suns, "c": whole, "d": scaling, "e": film, "f": component}
 
 
-def machine() -> str:
-    """The processor by name, where the system tells."""
-    info = Path("/proc/cpuinfo")
-    names = [
-        line.split(":", 1)[1].strip()
-        for line in (info.read_text().splitlines() if info.is_file() else [])
-        if line.startswith("model name")
-    ]
-    return f"{names[0] if names else platform.processor()}, {os.cpu_count()} cores"
-
-
 def main() -> None:
     about = __doc__ or ""
     parser = argparse.ArgumentParser(
@@ -417,11 +418,9 @@ def main() -> None:
         parser.error(f"--parts: {', '.join(sorted(unknown))} is none of {', '.join(PARTS)}")
     if {"a", "b", "e", "f"} & set(parts) and radiance.home() is None:
         parser.error("parts a, b, e and f need Radiance: pip install pyradiance")
-    variant = backend.select()
-    versions = ", ".join(f"{k} {v}" for k, v in backend.report().items())
-    print(f"# Benchmark, {datetime.date.today().isoformat()}\n\n{machine()}; {variant}; {versions}")
-    print(f"Load of the machine at the start: {os.getloadavg()[0]:.1f}")
-    print(f"Radiance: {radiance.version()}\n" if radiance.home() else "")
+    backend.select()
+    print(f"# Benchmark, {datetime.date.today().isoformat()}\n\n{machine()}")
+    print(f"{radiance.run(['rcontrib', '-version'], Path()).decode()}" if radiance.home() else "")
     room = Classroom(options.weather) if options.weather else Classroom()
     for part in parts:
         with tempfile.TemporaryDirectory() as folder:

@@ -19,7 +19,7 @@ from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.sky.sun_models import Suns
 from tests import radiance
-from tests.bench.classroom import BINS, Classroom, Reference
+from tests.bench.classroom import BINS, Classroom, KnownCoefficients
 
 TRANSMISSIVITY = 0.82
 """Radiance's `glass` with it stands for the case's glazing in both programs."""
@@ -80,7 +80,7 @@ class Filmed(Classroom):
         return radiance.Room(text, *self.sensors, folder)
 
 
-def reference(room: Filmed, replicates: int) -> Reference:
+def reference(room: Filmed, replicates: int) -> KnownCoefficients:
     """Coefficients of the picked suns by a long run of ours, and its own error."""
     start = perf_counter()
     C = room.ours(room.suns, replicates=replicates, seed=1, **CONVERGED).isel(bin=slice(BINS, None))
@@ -93,4 +93,4 @@ def reference(room: Filmed, replicates: int) -> Reference:
         f"{perf_counter() - start:.0f} s, own RMS {own:.1%}; straight light "
         f"{direct.mean() / mean:.0%} of the mean.\n"
     )
-    return Reference(direct, rest, own)
+    return KnownCoefficients(direct, rest, own)

@@ -81,6 +81,11 @@ def write(folder, name, text):
 @pytest.fixture
 def folder(tmp_path):
     """Folder with the files that the pages take for granted."""
+    return write_files(tmp_path)
+
+
+def write_files(tmp_path):
+    """Write the files that the pages take for granted to a folder, which is returned."""
     cases = ("office.toml", "film_office.toml", "corner_office.toml", "studio.toml", "desk.toml")
     for name in (*cases, "my_prism.toml", "studio.rad", "frames.csv", "study.toml"):
         write(tmp_path, name, named(name))

@@ -1,7 +1,10 @@
-"""The notebooks: stored without outputs, and run from top to bottom by a kernel of their own.
+"""The notebooks: run from top to bottom by a kernel of their own; some are stored with outputs.
 
 What a reader would see is tested: no error, nothing on stderr, every cell run, pictures drawn.
 """
+
+import importlib.util
+import re
 
 import nbformat
 import pytest
@@ -14,10 +17,12 @@ NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 SLOWEST_CELL = 300
 """Seconds; on 2 cores shared with other work the slowest took a tenth of it."""
 SLOW = ("03", "04", "05", "06", "07", "08")
-METADATA = {
-    "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
-    "language_info": {"name": "python"},
-}
+SPEC = importlib.util.spec_from_file_location("executed", ROOT / "docs" / "executed_notebooks.py")
+EXECUTED = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(EXECUTED)
+LARGEST = 400_000
+"""Bytes of a notebook that is stored with outputs."""
+OF_A_MACHINE = re.compile(r"/(?:tmp|home|work|root|Users)/|Traceback|[Ww]arning")
 notebooks = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 
 
@@ -28,21 +33,30 @@ def code(notebook):
 def test_notebooks_are_there_and_the_tutorial_names_each():
     stems = [path.stem for path in NOTEBOOKS]
     numbers = [stem[:3] for stem in stems]
-    assert {"01_", "02_", "03_", "04_", "05_", "06_", "07_", "08_"} <= {*numbers}
+    assert {"01_", "02_", "03_", "04_", "05_", "06_", "07_", "08_", "09_"} <= {*numbers}
     assert len({*numbers}) == len(numbers)
     tutorial = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
     assert [stem for stem in stems if f"`{stem}`" not in tutorial] == []
 
 
 @notebooks
-def test_notebook_is_stored_without_outputs(path):
+def test_notebook_is_stored_with_the_outputs_of_none_or_of_all_cells(path):
     notebook = nbformat.read(path, as_version=nbformat.NO_CONVERT)
     nbformat.validate(notebook)
     assert (notebook.nbformat, notebook.nbformat_minor) == (4, 5)
-    assert notebook.metadata == METADATA, "no traces of the machine that it was run on"
+    assert notebook.metadata == EXECUTED.METADATA, "no traces of the machine that it was run on"
     for cell in notebook.cells:
         assert cell.metadata == {}
         assert cell.source.strip()
+    if path.stem in EXECUTED.WITH_OUTPUTS:
+        counts = [cell.execution_count for cell in code(notebook)]
+        assert counts == list(range(1, len(counts) + 1))
+        outputs = [output for cell in code(notebook) for output in cell.outputs]
+        assert sum("image/png" in output.get("data", {}) for output in outputs) >= 2
+        shown = [output.get("text", output.get("data", {}).get("text/plain")) for output in outputs]
+        assert [text for text in shown if OF_A_MACHINE.search(str(text))] == []
+        assert path.stat().st_size <= LARGEST
+        return
     for cell in code(notebook):
         assert cell.outputs == []
         assert cell.execution_count is None

@@ -23,6 +23,7 @@ import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba import sky
+from drcmitsuba.annual.bench.room import opened
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.reading import load_case
@@ -59,7 +60,7 @@ def suns(count: int) -> Suns:
 @pytest.fixture(scope="module")
 def case() -> Case:
     backend.select()
-    return radiance.opened(load_case("classroom/reference/existing"))
+    return opened(load_case("classroom/reference/existing"))
 
 
 def every(case: Case, step: int) -> tuple[np.ndarray, np.ndarray]:

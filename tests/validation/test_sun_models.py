@@ -22,6 +22,7 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba_plugins.sampling import disk_solid_angle
 
 from drcmitsuba import sky
+from drcmitsuba.annual.bench.room import opened
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.reading import load_case
@@ -207,7 +208,7 @@ def test_daysim_blends_declination_and_hour(latitude):
 @pytest.fixture(scope="module")
 def classroom() -> Case:
     backend.select()
-    return radiance.opened(load_case("classroom/reference/existing"))
+    return opened(load_case("classroom/reference/existing"))
 
 
 def sensors(case: Case, step: int = 8) -> tuple[np.ndarray, np.ndarray]:

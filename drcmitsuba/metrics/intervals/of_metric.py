@@ -47,6 +47,17 @@ def interval_of(
     ------
     InputError
         A single replicate, or a number of draws out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import xarray as xr
+    >>> from drcmitsuba.metrics.intervals import interval_of
+    >>> noise = np.random.default_rng(1).normal(500.0, 20.0, (6, 10, 3))
+    >>> E = xr.DataArray(noise, dims=("replicate", "time", "sensor"))
+    >>> found = interval_of(lambda E: E.mean(), E)
+    >>> bool(found.low < found.value < found.high)
+    True
     """
     n = replicates.sizes.get("replicate", 0)
     if n < 2:

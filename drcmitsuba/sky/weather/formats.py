@@ -188,6 +188,13 @@ def read(path: str | Path) -> Weather:
     long as its stamps increase by one step within a day. An hourly WEA labels an hour by its
     middle (x.5); any other WEA stamp is the sun's instant and starts its interval.
     29 February is dropped, with a note: the nominal year has 365 days.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> weather = drcmitsuba.weather.read("my_weather.epw")
+    >>> sorted(weather.data.data_vars)
+    ['dew_point', 'dhi', 'dni', 'ghi']
     """
     path = Path(path)
     reader = READERS.get(path.suffix.lower())
@@ -204,5 +211,13 @@ def _parsed(reader: Reader, path: Path, content: str) -> Weather:
 
 
 def default() -> Weather:
-    """Greensboro, North Carolina: the TMY3 file that pvlib carries (36.1° N, 79.95° W)."""
+    """Greensboro, North Carolina: the TMY3 file that pvlib carries (36.1° N, 79.95° W).
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> weather = drcmitsuba.weather.default()
+    >>> weather.site.latitude, len(weather.data["time"])
+    (36.1, 8760)
+    """
     return read(lazy.folder_of("pvlib") / "data" / "723170TYA.CSV")

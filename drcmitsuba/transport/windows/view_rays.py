@@ -54,6 +54,14 @@ def view_distances(
     ------
     InputError
         A point within a wall, too many rays, or elevations beyond the zenith.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> case = drcmitsuba.load_case("office.toml")
+    >>> seen = drcmitsuba.view_distances(case, [(3.0, 1.0, 1.2)])  # an eye [m]
+    >>> bool(drcmitsuba.metrics.sight_angle(seen)[0] > 90)
+    True
     """
     backend.select()
     if points is None:
