@@ -10,6 +10,7 @@ References
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ import xarray as xr
 
 from drcmitsuba.colour.appearance import Appearance
 from drcmitsuba.colour.bands import Bands
+from drcmitsuba.runtime.toml import Sure
 
 HALF = 0.5
 """Share of the hours from which on a sensor counts [–]."""
@@ -24,6 +26,27 @@ NOON = 12
 """Hour by which a time with enough light has to begin [h]; [2]."""
 LONG = 4.0
 """Length of this time [h]; [2]."""
+
+EVERY = 100.0 - 1e-9
+"""Share of the days that a rule asks for [%]."""
+
+
+@dataclass(frozen=True)
+class Rule:
+    """Rule that asks for melanopic light at an eye on every day, for `LONG` hours by noon."""
+
+    title: str
+    threshold: float
+    """Melanopic equivalent daylight illuminance [lx]."""
+    source: str
+    sure: Sure
+
+
+RULES = (
+    Rule("WELL v2 L03, 1 point", 136.0, "WELL v2, L03, as consultants quote it", "second-hand"),
+    Rule("WELL v2 L03, 3 points", 250.0, "WELL v2, L03, as consultants quote it", "second-hand"),
+)
+"""Rules whose verdicts every view has."""
 
 
 def melanopic_metrics(
@@ -49,7 +72,9 @@ def melanopic_metrics(
         `sensors` [%]: share of the sensors with enough in half of the time stamps; `ratio` [–]:
         melanopic light per illuminance, of the sums of both; colour of the mean light; and for
         every view the same, with `mornings` [%]: share of the days with enough for four hours that
-        begin by noon. `low` and `high` hold for all hours shifted by their intervals together.
+        begin by noon, and `rules`: that share at the threshold of each of `RULES`, and whether it
+        is met: "yes", "no", or "open" where the interval holds both. `low` and `high` are of all
+        hours shifted by their intervals together.
     """
     factor = float(spectral.attrs["interval_factor"])
     half = factor * spectral["melanopic_se"].values
@@ -72,13 +97,25 @@ def melanopic_metrics(
         at = spectral.isel(view=i)
         M, E = at["melanopic_at_views"].values, at["illuminance_at_views"].values
         half = factor * at["melanopic_at_views_se"].values
-        levels = [M + s * half >= threshold for s in (0, -1, 1)]
+        light = [M, M - half, M + half]
+
+        def days(limit: float, light: list[np.ndarray] = light) -> dict[str, float]:
+            return _bounds([mornings(each >= limit, clock, step_hours) for each in light])
+
         views[str(name)] = {
-            "autonomy": _bounds([100 * level.mean() for level in levels]),
-            "mornings": _bounds([mornings(level, clock, step_hours) for level in levels]),
+            "autonomy": _bounds([100 * (each >= threshold).mean() for each in light]),
+            "mornings": days(threshold),
+            "rules": {rule.title: _verdict(rule, days(rule.threshold)) for rule in RULES},
             **_colour(M, E, at["spectrum_at_views"].values, spectral),
         }
     return out | {"views": views}
+
+
+def _verdict(rule: Rule, days: dict[str, float]) -> dict[str, Any]:
+    """Verdict on a rule from the share of days that meet it."""
+    met = "yes" if days["low"] >= EVERY else "no" if days["high"] < EVERY else "open"
+    about = {"threshold": rule.threshold, "source": rule.source, "sure": rule.sure}
+    return {"met": met, "mornings": days, **about}
 
 
 def mornings(enough: np.ndarray, clock: xr.DataArray, step_hours: float) -> float:

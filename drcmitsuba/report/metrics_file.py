@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, Field, ValidationError
 
@@ -34,6 +34,7 @@ class Undecided(BaseModel):
     probability: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
 
 
+Amount = Annotated[float, Field(ge=0, le=1e9, allow_inf_nan=False)]
 Months = Annotated[list[Share | None], Field(min_length=12, max_length=12)]
 
 
@@ -42,6 +43,42 @@ class GridNumbers(BaseModel):
 
     sDA: Share  # noqa: N815
     ASE: Share
+
+
+class EyeRule(BaseModel):
+    """Verdict on a rule of melanopic light."""
+
+    met: Literal["yes", "no", "open"]
+    mornings: Share
+    threshold: Amount
+    source: str
+    sure: str
+
+
+class MelanopicLight(BaseModel):
+    """Melanopic light at sensors, or at a view."""
+
+    autonomy: Share
+    ratio: Amount | None = None
+    cct: Amount | None = None
+    duv: float | None = None
+    fidelity: float | None = None
+    gamut: float | None = None
+
+
+class MelanopicView(MelanopicLight):
+    """Melanopic light at a view."""
+
+    mornings: Share
+    rules: dict[str, EyeRule] = {}
+
+
+class Melanopic(MelanopicLight):
+    """Melanopic light of a case with bands."""
+
+    threshold: Amount
+    sensors: Share
+    views: dict[str, MelanopicView] = {}
 
 
 class Numbers(BaseModel):
@@ -55,6 +92,7 @@ class Numbers(BaseModel):
     shade_closed_monthly: Months
     undecided: list[Undecided] = []
     grids: dict[str, GridNumbers] = {}
+    melanopic: Melanopic | None = None
     settings: dict[str, Any]
 
 

@@ -134,3 +134,12 @@ def test_unfit_colours_are_refused_in_one_line(colour, words):
         evaluate(box(colour=colour))
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_the_report_shows_melanopic_light_and_its_rules(grey):
+    page = grey.report().markdown()
+    assert "## Melanopic light" in page
+    assert "WELL v2 L03, 1 point" in page
+    told = grey.metrics["melanopic"]["views"]["desk"]["rules"]["WELL v2 L03, 1 point"]
+    words = {"yes": "met", "no": "not met", "open": "open"}
+    assert f"| {words[told['met']]}, {told['mornings']['value']:.1f}" in page

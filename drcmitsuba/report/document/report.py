@@ -126,6 +126,7 @@ class Report:
             "charts": [charts.months(*each) for each in self._each],
             "spaces": known(spaces.table(*each) for each in self._each),
             "groups": known(tables.groups(*each) for each in self._each),
+            "melanopic": known(tables.melanopic(*each) for each in self._each),
             "verdicts": verdicts.overview(self.facades, self.names),
             "judgements": [verdicts.judgements(*each) for each in self._each],
             "lights": [

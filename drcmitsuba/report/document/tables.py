@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.report.captions import month_names, period_text
@@ -22,6 +23,8 @@ from drcmitsuba.report.document.table import (
 
 MOST_GROUPS = 40
 """Largest number of groups of a façade in the table."""
+MOST_VIEWS = 40
+"""Largest number of views in the table of melanopic light."""
 MOST_NAMES = 12
 """Largest number of materials or states that are listed."""
 MONTHLY = ("msDA", "MSE", "shade_closed_monthly")
@@ -137,6 +140,39 @@ def months(facade: EvaluatedFacade, name: str) -> PageTable:
         for month in range(1, 13)
     )
     return PageTable(name, (t["month"], *(t[n] for n in shown)), rows)
+
+
+def melanopic(facade: EvaluatedFacade, name: str) -> PageTable | None:
+    """Table of melanopic light at the sensors and views; None without bands."""
+    t, told = labels(), facade.numbers.get("melanopic")
+    if not told:
+        return None
+    rules = {rule: None for view in told["views"].values() for rule in view["rules"]}
+    rows = [_melanopic_row(t["sensors"], told, rules)]
+    views = list(told["views"].items())[:MOST_VIEWS]
+    rows += [_melanopic_row(view, light, rules) for view, light in views]
+    limit = f"{told['threshold']:g}"
+    head = (t["receiver"], t["melanopic_hours"].format(limit=limit), t["melanopic_mornings"],
+            t["melanopic_ratio"], t["melanopic_cct"], *map(text, rules))  # fmt: skip
+    left = len(told["views"]) - len(views)
+    note = t["more_melanopic"].format(count=left) if left else ""
+    return PageTable(name, head, tuple(rows), note)
+
+
+def _melanopic_row(
+    name: str, light: Mapping[str, Any], rules: Mapping[str, None]
+) -> tuple[Cell, ...]:
+    t, none = labels(), plain(NONE)
+    told = [(light[key], digits) for key, digits in (("ratio", 2), ("cct", 0))]
+    colour = [none if value is None else (Number(value, digits),) for value, digits in told]
+    known, verdicts = light.get("rules", {}), []
+    for rule in rules:
+        one = known.get(rule)
+        verdicts.append(none if one is None else (
+            t[f"met_{one['met']}"] + ", ", *interval(one["mornings"])
+        ))  # fmt: skip
+    mornings = interval(light["mornings"]) if "mornings" in light else none
+    return plain(name), interval(light["autonomy"]), mornings, *colour, *verdicts
 
 
 def groups(facade: EvaluatedFacade, name: str) -> PageTable | None:
