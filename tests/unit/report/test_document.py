@@ -77,7 +77,7 @@ def test_all_text_is_escaped_in_html_and_markdown():
 def _empty():
     nothing = PageTable("", (), ())
     one = dict.fromkeys(("asked", "metrics", "verdicts", "versions", "validation"), nothing)
-    keys = ("differences", "months", "charts", "spaces", "groups", "judgements", "plan", "notes",
+    keys = ("differences", "months", "charts", "spaces", "groups", "melanopic", "judgements", "plan", "notes",
             "lights")  # fmt: skip
     keys += ("glare", "pictures")
     many = {key: [] for key in keys}
