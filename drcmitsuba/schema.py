@@ -42,6 +42,8 @@ VARIABLES: dict[str, tuple[str, str]] = {
     "s_cone_opic": ("lx", "S-cone-opic equivalent daylight illuminance"),
     "m_cone_opic": ("lx", "M-cone-opic equivalent daylight illuminance"),
     "l_cone_opic": ("lx", "L-cone-opic equivalent daylight illuminance"),
+    "cct": ("K", "correlated colour temperature"),
+    "duv": ("1", "distance from the Planckian locus in CIE 1960 u, v; above it positive"),
     "rhodopic": ("lx", "rhodopic equivalent daylight illuminance"),
     "dgp": ("1", "daylight glare probability"),
     "dgp_sharp": ("1", "daylight glare probability, peaks of films as narrow as the sun"),

@@ -27,6 +27,7 @@ from drcmitsuba.annual.simulation import of_points
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import VARYING
+from drcmitsuba.colour.appearance import temperatures
 from drcmitsuba.colour.bands import ALPHA_OPIC, TRISTIMULUS, Bands
 from drcmitsuba.colour.sources import SourceSpectra
 from drcmitsuba.colour.tints import Tints
@@ -191,11 +192,11 @@ def spectral_year(
     Returns
     -------
     xr.Dataset
-        Dims (time, sensor): `melanopic` and `melanopic_se`, and `s_cone_opic`, `m_cone_opic`,
-        `l_cone_opic`, `rhodopic`, all equivalent daylight illuminances [lx], and the chromaticity
-        `x`, `y` (CIE 1931); (wavelength, sensor): `spectrum`, mean light of the time stamps per
-        that of D65. With views, the same, and their `illuminance`, ending on `_at_views`, dims
-        (time, view).
+        Dims (time, sensor): `melanopic` and `melanopic_se`, `s_cone_opic`, `m_cone_opic`,
+        `l_cone_opic`, `rhodopic`, all equivalent daylight illuminances [lx]; chromaticity `x`, `y`
+        (CIE 1931), `cct` [K] and `duv` [–]. Dims (wavelength, sensor): `spectrum`, mean light of
+        the time stamps per that of D65. With views the same, and their `illuminance`, with
+        `_at_views` in the name and dims (time, view), (wavelength, view).
 
     Raises
     ------
@@ -283,12 +284,16 @@ def _arrays(seen: _Responses, total: np.ndarray, error: np.ndarray, dim: str) ->
     white = np.array([0.95047, 1.0, 1.08883])  # of D65, to which bands are relative
     tristimulus = np.stack([X, Y, Z]) * white[:, None, None]
     whole = np.maximum(tristimulus.sum(axis=0), 1e-12)
+    x, y = (part / whole for part in tristimulus[:2])
+    cct, duv = temperatures(x, y)
     arrays = {
         "melanopic": total * ratio,
         "melanopic_se": np.hypot(total * of_ratio, error * ratio),
         **{name: total * seen.per_luminance(name) for name in ALPHA_OPIC if name != "melanopic"},
-        "x": tristimulus[0] / whole,
-        "y": tristimulus[1] / whole,
+        "x": x,
+        "y": y,
+        "cct": cct,
+        "duv": duv,
     }
     data = xr.Dataset({name: (dims, a.astype(np.float32)) for name, a in arrays.items()})
     spectrum = seen.spectrum / np.maximum(seen.luminance.mean(axis=(0, 1)), 1e-9)

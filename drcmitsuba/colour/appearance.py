@@ -12,6 +12,19 @@ from drcmitsuba.runtime import lazy
 colour = lazy.module("colour")
 
 
+def temperatures(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Correlated colour temperature [K] and Duv [–] of chromaticities, after Robertson (1968).
+
+    Arrays have any one shape. It is within 2 K of Ohno's from 2000 to 7000 K, and far faster; the
+    dark, x = y = 0, has neither (NaN).
+    """
+    dark = (x <= 0) | (y <= 0)
+    xy = np.stack([np.where(dark, 0.3127, x), np.where(dark, 0.3290, y)], axis=-1)
+    uv = colour.UCS_to_uv(colour.XYZ_to_UCS(colour.xy_to_XYZ(xy)))
+    cct, duv = np.moveaxis(colour.temperature.uv_to_CCT_Robertson1968(uv), -1, 0)
+    return np.where(dark, np.nan, cct), np.where(dark, np.nan, duv)
+
+
 class Appearance(NamedTuple):
     """Colour of light and of things in it."""
 

@@ -42,6 +42,8 @@ def test_light_of_d65_stays_d65_in_a_grey_room(grey):
     lit = total > 1
     for name, expected in (("x", 0.3127), ("y", 0.3290)):
         assert grey.spectral[name].values[lit] == pytest.approx(expected, abs=3e-4)
+    assert grey.spectral["cct"].values[lit] == pytest.approx(6504, abs=25)
+    assert grey.spectral["duv"].values[lit] == pytest.approx(0.0032, abs=3e-4)
     at_view = grey.spectral["melanopic_at_views"].values
     assert at_view == pytest.approx(grey.spectral["illuminance_at_views"].values, rel=1e-3)
 

@@ -78,3 +78,13 @@ def test_light_of_one_lux_is_one_lux_whatever_its_colour():
     bands = Bands.of(9)
     power = np.stack([GRID**2, np.exp(-(((GRID - 600) / 60) ** 2))], axis=1)
     assert bands.weights("Y") @ bands.relative(GRID, power) == pytest.approx(1)
+
+
+def test_temperatures_of_chromaticities():
+    from drcmitsuba.colour.appearance import temperatures
+
+    xy = np.array([colour.temperature.CCT_to_xy_CIE_D(t) for t in (4500, 6504, 12_000)] + [[0, 0]])
+    cct, duv = temperatures(*xy.T)
+    assert cct[:3] == pytest.approx([4500, 6504, 12_000], rel=3e-3)
+    assert (duv[:3] > 0.001).all()  # phases of daylight lie above the locus
+    assert np.isnan([cct[3], duv[3]]).all()
