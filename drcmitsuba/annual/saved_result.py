@@ -123,6 +123,9 @@ class SavedResult(ABC):
             f"<tr><th>{name.replace('_', ' ')}</th><td>{_text(self.metrics[name])}</td></tr>"
             for name in ("sDA", "ASE", "shade_closed")
         )
+        if "melanopic" in self.metrics:
+            light = _text(self.metrics["melanopic"]["autonomy"])
+            rows += f"<tr><th>melanopic autonomy</th><td>{light}</td></tr>"
         remarks = "".join(f"<p>{escape(n)}</p>" for n in self.metrics["settings"]["notes"])
         image = plots.html_image(figure, "metrics by month")
         head = f"<caption>{escape(self.case.name)}, 95 % intervals</caption>"

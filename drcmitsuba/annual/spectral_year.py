@@ -79,15 +79,21 @@ class _Responses:
 
         The error follows from the replicates' deviations from the ratio of the means.
         """
+        ratio = self._per_luminance(self.melanopic.mean(axis=0))
         mean = np.maximum(self.luminance.mean(axis=0), 1e-9)
-        ratio = self.melanopic.mean(axis=0) / mean
         apart = (self.melanopic - ratio * self.luminance) / mean
         return ratio, apart.std(axis=0, ddof=1) / np.sqrt(len(apart))
 
     def per_luminance(self, name: str) -> np.ndarray:
         """Another response per illuminance, (time, point)."""
-        mean = np.maximum(self.luminance.mean(axis=0), 1e-9)
-        return np.asarray(self.others[name] / mean)
+        return self._per_luminance(self.others[name])
+
+    def _per_luminance(self, response: np.ndarray) -> np.ndarray:
+        """Response (time, point) per illuminance; an hour of which no ray tells has the mean."""
+        E = self.luminance.mean(axis=0)
+        lit, total = E > 0, E.sum(axis=0)
+        usual = np.divide(response.sum(axis=0), total, out=np.ones_like(total), where=total > 0)
+        return np.where(lit, response / np.where(lit, E, 1), usual)
 
 
 @dataclass(frozen=True)
