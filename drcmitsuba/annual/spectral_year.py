@@ -216,7 +216,8 @@ def spectral_year(
     bands = Bands.of(case.colour.wavelengths)
     tints = Tints(case, bands)
     every = (surface for state in taken.states for surface in surfaces_of(case, state))
-    tints.check({surface.name for surface in every})
+    surfaces = {surface.name: surface.material for surface in every}
+    tints.check(surfaces)
     with run.timed("spectra of the sky"):
         spectra = SourceSpectra.of(case, light.alone(), bands)
     seed = case_seed(run.seed, Stream.COLOUR)
@@ -242,7 +243,7 @@ def spectral_year(
     out = out.assign_coords(time=light.sky["time"], wavelength=list(bands.wavelengths))
     out.attrs = {
         "interval_factor": E.attrs["interval_factor"], "sky_colour": str(case.colour.sky),
-        "sun_colour": str(case.colour.sun),
+        "sun_colour": str(case.colour.sun), "notes": "\n".join(tints.notes(surfaces)),
     }  # fmt: skip
     return schema.describe(out)
 

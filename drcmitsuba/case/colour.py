@@ -36,10 +36,11 @@ class Colour(Table):
     bands: Bands = "auto"
     """"auto": three channels where a reflectance is coloured; "luminance"; "rgb"; or 9 or 27
     wavelengths, by which melanopic light and colour at sensors and views are computed."""
-    sky: Literal["chain", "takagi"] | Temperature = "chain"
-    """Colour temperature of the sky's patches: a model by their luminance, or one for all [K]."""
-    sun: Literal["spectrl2"] | Temperature = "spectrl2"
-    """Spectrum of the sun: Bird's by air mass and turbidity, or a phase of daylight [K]."""
+    sky: Literal["chain", "takagi"] | Temperature | Path = "chain"
+    """Colour temperature of the sky's patches, by a model of their luminance or one for all [K]; or
+    a file of the sky's spectrum."""
+    sun: Literal["spectrl2"] | Temperature | Path = "spectrl2"
+    """Spectrum of the sun: Bird's by air mass and turbidity, a phase of daylight [K], or a file."""
     spectra: Annotated[dict[Name, Tint], Field(max_length=1000)] = Field(default_factory=dict)
     """Spectra by name of a surface (floor, ceiling, walls, ground, furniture, a layer of the
     model) or of a material: their shape counts, their amount is the one stated there."""

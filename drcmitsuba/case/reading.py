@@ -68,10 +68,11 @@ def with_files(case: Case) -> Case:
     A missing file, or an unfit one of the model, raises InputError.
     """
 
-    def resolved(file: Path, field: str) -> Path:
+    def resolved(
+        file: Path, field: str, remedy: str = "give its path relative to the case file"
+    ) -> Path:
         path = case.path(file)
         if not is_file(path, case.source, field):
-            remedy = "give its path relative to the case file"
             raise InputError(case.source, field, f"{file}: no such file", remedy)
         return path
 
@@ -82,6 +83,15 @@ def with_files(case: Case) -> Case:
     for name, tint in case.colour.spectra.items():
         if isinstance(tint, Path):
             case.colour.spectra[name] = resolved(tint, f"colour.spectra.{name}")
+    of_sources = {
+        key: resolved(value, f"colour.{key}", f"give {models}, a temperature [K] or a file")
+        for key, value, models in (
+            ("sky", case.colour.sky, "chain, takagi"), ("sun", case.colour.sun, "spectrl2"),
+        )
+        if isinstance(value, Path)
+    }  # fmt: skip
+    if of_sources:
+        case = case.with_tables(colour=case.colour.model_copy(update=of_sources))
     for name, component in case.components.items():
         if isinstance(component, StructureComponent | MeshComponent):
             key = "recipe" if isinstance(component, StructureComponent) else "file"

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 import xarray as xr
@@ -28,7 +29,9 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.sky import CieTable
 from drcmitsuba.colour.bands import GRID, PHOTOPIC, Bands, responses
+from drcmitsuba.colour.spectra import read_spectrum
 from drcmitsuba.runtime import lazy
+from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky.daylight import Daylight
 
 colour = lazy.module("colour")
@@ -62,18 +65,24 @@ class SourceSpectra:
     ground: np.ndarray
     """Of light on open ground, shape (band, time)."""
     phases: np.ndarray
-    """Of phases of daylight with reciprocal temperatures `MIREDS`, shape (band, temperature)."""
+    """Of the sky with reciprocal temperatures `MIREDS`, shape (band, temperature): phases of
+    daylight, or one measured spectrum."""
 
     @classmethod
     def of(cls, case: Case, light: Daylight, bands: Bands) -> SourceSpectra:
         """Spectra of a case's sources at its time stamps."""
         phases = bands.relative(GRID, daylight_phases())
-        mireds = 1e6 / sky_temperatures(case, light)
-        if case.colour.sun == "spectrl2":
+        mireds, of_sun = 1e6 / sky_temperatures(case, light), case.colour.sun
+        if of_sun == "spectrl2":
             sun = bands.relative(GRID, sun_spectra(light).T)
         else:
-            one = _of_phases(phases, np.array([1e6 / case.colour.sun]))
+            if isinstance(of_sun, Path):
+                one = _measured(of_sun, bands)
+            else:
+                one = _of_phases(phases, np.array([1e6 / float(of_sun)]))
             sun = np.repeat(one, len(mireds), axis=1)
+        if isinstance(case.colour.sky, Path):
+            phases = np.repeat(_measured(case.colour.sky, bands), len(MIREDS), axis=1)
         L, patches = light.sky["sky"].values[:, 1:], Patches(case.sky.subdivision)
         on_ground = L * patches.projected_solid_angles[1:]
         z = np.maximum(light.sky["sun_direction"].values[:, 2], 0)
@@ -89,6 +98,14 @@ class SourceSpectra:
         share[:, 1:] = _of_phases(self.phases[band : band + 1], self.sky[:, 1:])[0]
         share[:, 0] = self.ground[band] * ground
         return sky.assign(sky=sky["sky"] * share, sun=sky["sun"] * self.sun[band])
+
+
+def _measured(path: Path, bands: Bands) -> np.ndarray:
+    """Light of bands of a source whose spectrum a file holds, shape (band, 1)."""
+    measured = read_spectrum(path, bands, most=np.inf)
+    if not measured.values[:, 0].max() > 0:
+        raise InputError(path, "values", "no light", "give the power by wavelength")
+    return bands.relative(measured.wavelengths, measured.values[:, :1])
 
 
 def _of_phases(phases: np.ndarray, mireds: np.ndarray) -> np.ndarray:
@@ -113,6 +130,8 @@ def sky_temperatures(case: Case, light: Daylight) -> np.ndarray:
     with the luminance L [cd/m²].
     """
     L = np.maximum(light.sky["sky"].values[:, 1:], 1.0)
+    if isinstance(case.colour.sky, Path):
+        return np.full(L.shape, OVERCAST)  # its spectrum does not depend on it
     if not isinstance(case.colour.sky, str):
         return np.full(L.shape, float(case.colour.sky))
     if case.colour.sky == "chain":

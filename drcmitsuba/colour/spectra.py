@@ -40,7 +40,7 @@ class Spectrum:
         return bands.sampled(self.wavelengths, self.values[:, column])
 
 
-def read_spectrum(path: Path, bands: Bands) -> Spectrum:
+def read_spectrum(path: Path, bands: Bands, most: float = 1.0) -> Spectrum:
     """Read a file of a spectrum: text with a wavelength and values in each line.
 
     Parameters
@@ -51,12 +51,14 @@ def read_spectrum(path: Path, bands: Bands) -> Spectrum:
         transmittance and the reflectances of front and back.
     bands : Bands
         Bands that the spectrum has to cover.
+    most : float
+        Largest value that it may have; that of sources is infinite.
 
     Raises
     ------
     InputError
         It is no such text, or its wavelengths do not rise or do not cover the bands, or a value is
-        not from 0 to 1.
+        below 0 or too large.
     """
 
     def refuse(field: str, got: str, remedy: str) -> InputError:
@@ -92,7 +94,7 @@ def read_spectrum(path: Path, bands: Bands) -> Spectrum:
     visible = values[(wavelengths >= 380) & (wavelengths <= 780)]
     if visible.min(initial=0) < 0:
         raise refuse("values", f"{visible.min():g}", "give shares of the light, 0 to 1")
-    if visible.max(initial=0) > 1:
+    if visible.max(initial=0) > most:
         remedy = "are they in percent? Divide them by 100" if visible.max() <= 100 else "check them"
         raise refuse("values", f"up to {visible.max():g}, above 1", remedy)
     return Spectrum(wavelengths, values)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -29,6 +29,8 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import choose
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 
+MOST_NAMES = 12
+"""Largest number of surfaces that a note names."""
 SIDES = ("south", "east", "north", "west")
 
 
@@ -85,6 +87,21 @@ class Tints:
         for name in self._shapes:
             if name not in known:
                 raise self._error(name, "no surface of this name", choose(name, sorted(known)))
+
+    def notes(self, surfaces: Mapping[str, SurfaceMaterial]) -> list[str]:
+        """Sentences on the spectra that light has, and on the surfaces that are grey."""
+        told, case = self.case.colour, self.case
+        kinds = {str: "{}", float: "{:g} K"}
+        sky, sun = (kinds.get(type(v), "{}").format(v) for v in (told.sky, told.sun))
+        films = {n for n, m in case.materials.items() if isinstance(m, BsdfMaterial)}
+        named = self._shapes.keys() | films
+        grey = (n for n, m in surfaces.items() if not (named & {*_aliases(n)} or _has_rgb(m)))
+        bare = sorted({_aliases(name)[-1] for name in grey})
+        out = [f"colour: the sky's spectrum by {sky}, the sun's by {sun}"]
+        if bare:
+            words = ", ".join(bare[:MOST_NAMES]) + (", …" if len(bare) > MOST_NAMES else "")
+            out.append(f"colour: {words}: grey, without a spectrum")
+        return out
 
     def ground(self, band: int) -> float:
         """Reflectance of the ground in a band, per the one that the case states [–]."""
@@ -145,6 +162,13 @@ class Tints:
 
     def _error(self, name: str, got: str, remedy: str) -> InputError:
         return InputError(self.case.source, f"colour.spectra.{name}", got, remedy)
+
+
+def _has_rgb(material: SurfaceMaterial) -> bool:
+    """Whether a surface has a colour by red, green and blue."""
+    if isinstance(material, Lambertian):
+        return any(isinstance(rho, tuple) for rho in material.sides)
+    return isinstance(getattr(material, "reflectance", None), tuple)
 
 
 def _aliases(name: str) -> list[str]:

@@ -12,6 +12,7 @@ from drcmitsuba.colour import sources
 from drcmitsuba.colour.bands import Bands
 from drcmitsuba.colour.sources import SourceSpectra, sky_temperatures, sun_spectra
 from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky.daylight import Daylight, daylight
 from tests.unit.colour.rooms import box
 
@@ -100,3 +101,24 @@ def test_the_ground_has_the_mean_spectrum_of_what_lights_it(case, light):
     spectra = SourceSpectra.of(even, light, BANDS)
     shining = light.sky["sky"].values.sum(axis=1) > 0
     assert spectra.ground[:, shining] == pytest.approx(spectra.sun[:, shining], rel=1e-5)
+
+
+def test_measured_spectra_of_sky_and_sun(case, light, tmp_path):
+    phases, at = sources.daylight_phases(), sources.MIREDS
+    power = np.array([np.interp(1e6 / 9000, at, row) for row in phases])
+    file = tmp_path / "sky.csv"
+    file.write_text("\n".join(f"{w},{40 * p}" for w, p in zip(sources.GRID, power, strict=True)))
+    of_file = case.with_tables(colour=Colour(bands=9, sky=file, sun=file))
+    of_cct = case.with_tables(colour=Colour(bands=9, sky=9000.0, sun=9000.0))
+    spectra = [SourceSpectra.of(c, light, BANDS) for c in (of_file, of_cct)]
+    for band in range(len(BANDS)):
+        mine, known = (s.of_band(light.sky, band) for s in spectra)
+        for name in ("sky", "sun"):
+            assert mine[name].values == pytest.approx(known[name].values, rel=1e-3)
+
+
+def test_a_source_without_light_is_refused(case, light, tmp_path):
+    (tmp_path / "dark.csv").write_text("380,0\n780,0\n")
+    dark = case.with_tables(colour=Colour(bands=9, sun=tmp_path / "dark.csv"))
+    with pytest.raises(InputError, match="no light"):
+        SourceSpectra.of(dark, light, BANDS)
