@@ -22,7 +22,7 @@ class Lab(Table):
         Annotated[float, Field(ge=-128, le=128)],
         Annotated[float, Field(ge=-128, le=128)],
     ]
-    """L*, a*, b*."""
+    """L*, a*, b* [–]."""
 
 
 Channel = Annotated[float, Field(ge=0, le=1, strict=True)]
@@ -34,7 +34,7 @@ class Colour(Table):
     """Colour of the light: how many bands, and the spectra of sources and surfaces."""
 
     bands: Bands = "auto"
-    """"auto": three channels where a reflectance is coloured; "luminance"; "rgb"; or 9 or 27
+    """Number of bands [–]: "auto", three where a reflectance is coloured; "luminance"; "rgb"; 9 or 27
     wavelengths, by which melanopic light and colour at sensors and views are computed."""
     sky: Literal["chain", "takagi"] | Temperature | Path = "chain"
     """Colour temperature of the sky's patches, by a model of their luminance or one for all [K]; or
@@ -43,7 +43,7 @@ class Colour(Table):
     """Spectrum of the sun: Bird's by air mass and turbidity, a phase of daylight [K], or a file."""
     spectra: Annotated[dict[Name, Tint], Field(max_length=1000)] = Field(default_factory=dict)
     """Spectra by name of a surface (floor, ceiling, walls, ground, furniture, a layer of the
-    model) or of a material: their shape counts, their amount is the one stated there."""
+    model) or of a material [–]: their shape counts, their amount is the one stated there."""
     melanopic_threshold: Illuminance = 250.0
     """Melanopic equivalent daylight illuminance that counts as enough by day [lx]."""
 

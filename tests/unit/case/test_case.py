@@ -282,7 +282,7 @@ def test_another_weather_file_is_looked_for_where_the_user_is(load, tmp_path, mo
     assert case.with_weather(None) is case
 
 
-UNIT = r"\[(m|deg|lx|h|s|–|%|1/m|W/m²)\]"
+UNIT = r"\[(m|deg|lx|h|s|–|%|1/m|W/m²|K)\]"
 
 
 def properties(schema):
