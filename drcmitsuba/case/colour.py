@@ -34,8 +34,8 @@ class Colour(Table):
     """Colour of the light: how many bands, and the spectra of sources and surfaces."""
 
     bands: Bands = "auto"
-    """Number of bands [–]: "auto", three where a reflectance is coloured; "luminance"; "rgb"; 9 or 27
-    wavelengths, by which melanopic light and colour at sensors and views are computed."""
+    """Number of bands [–]: "auto", three where a reflectance is coloured; "luminance"; "rgb"; 9 or
+    27 wavelengths, by which melanopic light and colour at sensors and views are computed."""
     sky: Literal["chain", "takagi"] | Temperature | Path = "chain"
     """Colour temperature of the sky's patches, by a model of their luminance or one for all [K]; or
     a file of the sky's spectrum."""
