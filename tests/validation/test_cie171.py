@@ -337,7 +337,10 @@ def every_third(room):
     return replace(room, points=dict(list(room.points.items())[::3]))
 
 
-@pytest.mark.parametrize("name", DEFAULT)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name == "5.9 1x1")) for name in DEFAULT],
+)
 def test_sky_component_with_the_continuous_sky(name):
     room, kinds = every_third(ROOMS[name]), DEFAULT[name]
     continuous = [check(room, kind)[1] for kind in kinds]
