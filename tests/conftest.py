@@ -11,6 +11,7 @@ from scipy.stats import t as student
 
 import drcmitsuba  # noqa: F401  registers the plugins
 from drcmitsuba.runtime import backend
+from tests.fast import pytest_collection_modifyitems  # noqa: F401  hook
 from tests.skips import pytest_sessionfinish, pytest_terminal_summary  # noqa: F401  hooks
 
 VARIANTS = ["llvm_ad_mono", "llvm_ad_rgb"] if backend.llvm_version() else []

@@ -333,11 +333,11 @@ def test_intervals_hold_the_truth_in_95_of_100_repetitions():
         return xr.DataArray([float(np.mean(CASE[name](e))) for name in names], dims="metric")
 
     truth, held = of_room(E), np.zeros(len(names), int)
-    for seed in range(100):
+    for seed in range(60):
         replicates = noisy(E, 0.2, seed=seed)
         out = intervals.interval_of(of_room, replicates, draws=120, seed=seed)
         held += ((out["low"] <= truth) & (truth <= out["high"])).values
-    assert ((held >= 90) & (held <= 100)).all(), held
+    assert (held / 60 >= 0.9).all(), held
 
 
 def test_a_single_replicate_and_too_few_draws_are_refused():
