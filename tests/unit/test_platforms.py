@@ -20,7 +20,7 @@ import pytest
 from drcmitsuba.cli import near_signs
 from drcmitsuba.runtime import folder_lock, machine_memory, storage
 from drcmitsuba.runtime.errors import InputError
-from tests import ROOT
+from tests import ROOT, skips
 
 FOLDERS = ("drcmitsuba", "plugins", "scenes")
 FILES = sorted(path for name in FOLDERS for path in (ROOT / name).rglob("*.py"))
@@ -199,7 +199,7 @@ def test_a_lock_that_another_holds_on_windows_is_refused(windows, tmp_path):
 
 
 def test_memory_is_read_where_there_is_no_proc(monkeypatch, tmp_path):
-    resource = pytest.importorskip("resource", reason="no POSIX")
+    resource = pytest.importorskip("resource", reason=skips.POSIX.words)
     monkeypatch.setattr(machine_memory, "STATUS", tmp_path / "none")
     taken = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     monkeypatch.setattr(machine_memory, "sys", SimpleNamespace(platform="linux"))
