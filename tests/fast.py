@@ -36,10 +36,19 @@ LONG = (
     "unit/scene/test_prepared_case.py",
     "unit/standards/test_standards.py",
     "unit/test_skips.py",
+    "unit/transport/test_cells_and_transfer.py",
     "unit/transport/test_coefficients_small_room.py",
+    "unit/transport/test_gather.py",
+    "unit/transport/test_groups_of_rooms.py",
+    "unit/transport/test_interior.py",
     "unit/transport/test_known_year.py",
+    "unit/transport/test_light_paths.py",
+    "unit/transport/test_model_exits.py",
+    "unit/transport/test_pane_ports.py",
+    "unit/transport/test_photon_scene.py",
     "unit/transport/test_photons.py",
     "unit/transport/test_shared_photons.py",
+    "unit/transport/test_two_sided_walls.py",
 )  # fmt: skip
 """Files and folders of `tests` whose tests take longer."""
 SHORT = (
