@@ -78,7 +78,9 @@ def _of_file(name: str) -> np.ndarray:
         raise ValueError(f"{name}: more than {MAX_BYTES >> 20} MB")
     if path.suffix.lower() == ".npy":
         return np.asarray(np.load(path, allow_pickle=False), float)
-    lines = [line.partition("#")[0] for line in path.read_text(errors="replace").splitlines()]
+    lines = [
+        line.partition("#")[0] for line in path.read_text("utf-8", errors="replace").splitlines()
+    ]
     lines = [line for line in lines if line.strip()]
     if lines and re.fullmatch(r"\s*[A-Za-z_]\w*(\s*[,;\s]\s*[A-Za-z_]\w*)*\s*", lines[0]):
         lines = lines[1:]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
@@ -12,7 +11,7 @@ from scipy.stats import t as student
 
 import drcmitsuba  # noqa: F401  registers the plugins
 from drcmitsuba.runtime import backend
-from tests import SHARED, skips
+from tests.fast import pytest_collection_modifyitems  # noqa: F401  hook
 from tests.skips import pytest_sessionfinish, pytest_terminal_summary  # noqa: F401  hooks
 
 VARIANTS = ["llvm_ad_mono", "llvm_ad_rgb"] if backend.llvm_version() else []
@@ -30,12 +29,6 @@ def variant(request: pytest.FixtureRequest) -> Iterator[str]:
     """Each JIT variant that runs here, set; the first one is set again afterwards."""
     yield backend.select(request.param)
     backend.select(VARIANTS[0])
-
-
-@pytest.fixture(scope="session")
-def shared() -> Path:
-    """Folder of reference data beside the repository; a checkout alone has none."""
-    return skips.data(SHARED)
 
 
 ROUNDING = 1e-5

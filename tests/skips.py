@@ -63,7 +63,7 @@ def _has_no_llvm() -> bool:
 
 DATA = Lack(
     "no shared data",
-    "weather, BSDFs, models and tables of others are not part of the project",
+    "weather, BSDFs, models and pictures of others are not part of the project",
     lambda: not SHARED.is_dir(),
 )
 RADIANCE = _module("pyradiance", "Radiance is the second opinion; not all platforms have it")

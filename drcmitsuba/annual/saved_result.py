@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import re
-import resource
-import sys
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
@@ -21,6 +18,7 @@ from drcmitsuba.plan import Plan, photon_notes
 from drcmitsuba.plan.forecast import Forecast
 from drcmitsuba.runtime import backend, storage
 from drcmitsuba.runtime.background import beside
+from drcmitsuba.runtime.machine_memory import peak_memory
 from drcmitsuba.runtime.progress import Progress, Stage, part, silent
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 
@@ -159,21 +157,6 @@ def with_actual(
     if "rays" in actual:
         reason += f" and {sum(actual['rays'].values())} rays"
     return {**cost, "actual": actual, "reason": reason}
-
-
-def peak_memory() -> int:
-    """Largest memory that the process has held [bytes].
-
-    On Linux `getrusage` also counts the memory of the parent at the start of the process, so the
-    process' own status is read there.
-    """
-    status = Path("/proc/self/status")
-    if status.is_file():
-        line = re.search(r"^VmHWM:\s*(\d+) kB$", status.read_text(), re.MULTILINE)
-        if line is not None:
-            return 1024 * int(line[1])
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak if sys.platform == "darwin" else 1024 * peak
 
 
 def with_record(

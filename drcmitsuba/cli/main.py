@@ -33,6 +33,7 @@ from drcmitsuba.cli import (
     study,
     tradeoff,
 )
+from drcmitsuba.cli.near_signs import allow
 from drcmitsuba.cli.startup import with_kernels
 from drcmitsuba.runtime import interruption
 from drcmitsuba.runtime.errors import BackendError, InputError, is_caused_by, on_a_line, was_stopped
@@ -97,6 +98,7 @@ def _root(
 
 def main() -> None:
     """Run the command line and turn errors into one line and an exit code."""
+    allow(sys.stdout, sys.stderr)
     try:
         code = app(standalone_mode=False)
         if code == interruption.STOPPED:  # Typer has caught KeyboardInterrupt

@@ -11,7 +11,7 @@ compilation, kernel_folder
 machine_speed
     Speed of this machine relative to the one on which costs were measured.
 machine_memory
-    Memory of the machine that arrays may take.
+    Memory of the machine that arrays may take, and what the process has taken.
 progress
     Progress of long work.
 launch_size

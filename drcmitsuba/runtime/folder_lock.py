@@ -5,12 +5,15 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from drcmitsuba.runtime.errors import InputError
 
 NAME = ".lock"
+CLOSED_FIRST = os.name == "nt"
+"""Whether the system removes closed files alone. Others remove the file while it is locked, so that
+none is removed that another process has taken meanwhile."""
 
 
 @contextmanager
@@ -28,7 +31,7 @@ def locked(folder: Path) -> Iterator[None]:
     """
     is_new, path = not folder.exists(), folder / NAME
     folder.mkdir(parents=True, exist_ok=True)
-    with path.open("a+", encoding="utf-8") as file:
+    with ExitStack() as at_the_end, path.open("a+", encoding="utf-8") as file:
         if not (_taken(file.fileno()) and _is_at(path, file.fileno())):
             file.seek(0)
             owner = file.read(20).strip() or "unknown"
@@ -37,13 +40,21 @@ def locked(folder: Path) -> Iterator[None]:
         file.truncate(0)
         file.write(f"{os.getpid()}\n")
         file.flush()
+        if CLOSED_FIRST:
+            at_the_end.callback(_remove, path, is_new)
         try:
             yield
         finally:
-            with suppress(OSError):
-                path.unlink()
-                if is_new:
-                    folder.rmdir()  # where the work has left nothing
+            if not CLOSED_FIRST:
+                _remove(path, is_new)
+
+
+def _remove(path: Path, with_folder: bool) -> None:
+    """Remove the file, and the folder where the work has left nothing in it."""
+    with suppress(OSError):
+        path.unlink()
+        if with_folder:
+            path.parent.rmdir()
 
 
 def _is_at(path: Path, descriptor: int) -> bool:

@@ -20,6 +20,10 @@ from drcmitsuba.runtime.progress import Progress
 
 T = TypeVar("T")
 
+APART: dict[str, Any] = {"start_new_session": True}
+"""Options by which Ctrl-C reaches this process only."""
+if sys.platform == "win32":
+    APART = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
 POLL = 0.05
 """Seconds between two looks at a process."""
 
@@ -49,9 +53,8 @@ def run(job: Callable[[], T], deadline: float, progress: Progress = lambda share
         (folder / "job").write_bytes(pickle.dumps(job))
         code = f"from {__name__} import work; work({name!r})"
         with (folder / "stderr").open("wb") as stderr:
-            # In a session of its own, so that Ctrl-C reaches this process only.
             process = subprocess.Popen(
-                [sys.executable, "-c", code], start_new_session=True,
+                [sys.executable, "-c", code], **APART,
                 stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=stderr,
             )  # fmt: skip
             try:
@@ -71,7 +74,7 @@ def _result(folder: Path, code: int) -> Any:
     """Result that a process has left in the folder; raises the error that it left instead."""
     file = folder / "result"
     if not file.is_file():
-        lines = (folder / "stderr").read_text(errors="replace").strip().splitlines()
+        lines = (folder / "stderr").read_text("utf-8", errors="replace").strip().splitlines()
         ended = signal.Signals(-code).name if code < 0 else f"exit code {code}"
         raise JobError(f"{ended}: {lines[-1][:200]}" if lines else ended)
     kind, content = pickle.loads(file.read_bytes())

@@ -116,7 +116,7 @@ def load_json(path: Path, what: str, most: int, remedy: str) -> Any:
 
 def save_csv(table: pd.DataFrame, path: Path) -> None:
     """Write a table as CSV with six digits; never leaves half a file at `path`."""
-    save_text(table.to_csv(index=False, float_format="%.6g"), path)
+    save_text(table.to_csv(index=False, float_format="%.6g", lineterminator="\n"), path)
 
 
 def save_text(text: str, path: Path) -> None:
@@ -125,8 +125,11 @@ def save_text(text: str, path: Path) -> None:
 
 
 def save_lines(lines: Iterable[str], path: Path) -> None:
-    """Write lines of text one after another; never leaves half a file at `path`."""
-    with whole(path) as temporary, temporary.open("w", encoding="utf-8") as file:
+    """Write lines of text one after another; never leaves half a file at `path`.
+
+    Lines end as given, so that a file is the same on all systems.
+    """
+    with whole(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         file.writelines(lines)
 
 

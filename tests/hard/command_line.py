@@ -11,7 +11,6 @@ import io
 import json
 import os
 import re
-import resource
 import select
 import subprocess
 import sys
@@ -46,6 +45,8 @@ def growth_of(call):
 @contextlib.contextmanager
 def no_more_than(extra: int):
     """Refuse address space beyond what is reserved now and `extra` bytes: MemoryError."""
+    import resource
+
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
     resource.setrlimit(resource.RLIMIT_AS, (_memory("VmSize") + extra, hard))
     try:
@@ -106,6 +107,9 @@ class CommandLine:
     """
 
     def __init__(self, seconds: float = 300.0):
+        from tests import skips  # not where the module is run
+
+        skips.PROC.skip_if_so()
         self.seconds = seconds
         self.process: subprocess.Popen[bytes] | None = None
 
@@ -165,6 +169,8 @@ def main() -> None:
     """Answer one line of JSON with another until there are no more."""
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # what the program prints by itself is no answer
+    import resource
+
     import drcmitsuba
     from drcmitsuba.runtime import backend
 

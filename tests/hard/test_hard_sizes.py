@@ -23,7 +23,7 @@ import numpy as np
 from drcmitsuba import backend
 from drcmitsuba.annual import simulation
 from drcmitsuba.case.case import Case
-from drcmitsuba.annual.saved_result import peak_memory
+from drcmitsuba.runtime.machine_memory import peak_memory
 from drcmitsuba.sky.sun_models import Suns
 
 backend.select()
@@ -49,7 +49,7 @@ import sys
 import numpy as np
 import drcmitsuba
 from drcmitsuba.case.reading import load_case
-from drcmitsuba.annual.saved_result import peak_memory
+from drcmitsuba.runtime.machine_memory import peak_memory
 
 result = drcmitsuba.evaluate(load_case(sys.argv[1]))
 E = result.illuminance
@@ -65,7 +65,7 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba.scene import scene
 from drcmitsuba.case.reading import load_case
-from drcmitsuba.annual.saved_result import peak_memory
+from drcmitsuba.runtime.machine_memory import peak_memory
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba import backend
 

@@ -15,10 +15,9 @@ from drcmitsuba.cli import main
 from drcmitsuba.metrics import stored_arrays
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import BackendError
-from tests import SHARED, skips
+from tests.made_weather import clear_year, ten_minutes
 from tests.system.small_room import RESULTS
 
-WEATHER = SHARED / "data" / "weather"
 TMY3 = Path(pvlib.__file__).parent / "data" / "723170TYA.CSV"
 CASE = """
 name = "small room"
@@ -292,16 +291,17 @@ def test_results_are_written_over_older_ones(run, case, tmp_path, results):
 
 
 @pytest.mark.parametrize(
-    ("name", "note"),
+    ("make", "note"),
     [
-        ("mannheim.epw", ""),  # Latin-1
-        ("los_angeles_no_leap_field.epw", "29 February dropped (24 rows)"),  # 8784 rows
-        ("denver.epw", ""),  # all illuminances missing, all irradiances there
-        ("san_francisco_10min.wea", ""),
+        (lambda to: clear_year(to / "a.epw", 49.5, 8.6, 1.0, comment="fünf Jahre"), ""),
+        (lambda to: clear_year(to / "a.epw", 34.2, -118.5, -8.0, leap=True),
+         "29 February dropped (24 rows)"),
+        (lambda to: ten_minutes(to / "a.wea", 37.62, -122.4, -8.0), ""),
     ],
-)
-def test_weather_files_with_quirks_are_fine(run, case, tmp_path, name, note):
-    file = skips.data(WEATHER / name)
+    ids=["Latin-1 and no illuminances", "8784 rows", "ten minutes"],
+)  # fmt: skip
+def test_weather_files_with_quirks_are_fine(run, case, tmp_path, make, note):
+    file = make(tmp_path)
     case.write_text(CASE.replace("months = [3]", "months = [3]\nhours = [11, 13]"))
     code, out, err = run("evaluate", case, "--weather", file, "-o", tmp_path / "r")
     assert (code, err) == (0, "")

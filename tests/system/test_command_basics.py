@@ -1,6 +1,5 @@
 """The command line beside its results: help, version, a first case, stops, full disks."""
 
-import resource
 import signal
 import subprocess
 import sys
@@ -8,6 +7,7 @@ import sys
 import pytest
 
 import drcmitsuba
+from tests import skips
 from tests.system.conftest import imports_mitsuba, is_ready
 from tests.system.test_cli import CASE
 
@@ -98,8 +98,11 @@ def test_a_closed_pipe_is_no_error_and_the_file_is_written(illuminance, tmp_path
     assert (tmp_path / "m" / "metrics.json").is_file()
 
 
+@skips.POSIX.mark
 def test_a_full_disk_is_one_line_and_no_crash(illuminance, tmp_path):
     """HDF5 ended the process by a segmentation fault after the line was written."""
+    import resource
+
     results = illuminance.parent
     command = [*COMMAND, "illuminance", results / "coefficients.zarr", results / "sky.zarr"]
     limit = 10_000  # bytes that a file may have

@@ -13,11 +13,8 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import daylight as light_module
 from drcmitsuba.sky import luminances
 from drcmitsuba.sky.sun_models import Suns
-from tests import SHARED, skips
+from tests.made_weather import clear_year
 from tests.system.small_room import CASE, DAYS, SHADING, SITE, STRIPS, VARIABLES, changed, run
-
-WEATHER = SHARED / "data" / "weather"
-
 
 # ---- cases at the edge ------------------------------------------------------------------------
 
@@ -210,13 +207,14 @@ def test_an_unfit_period_is_refused_with_the_case(evaluate, period, message):
     assert str(caught.value).isprintable()
 
 
-def weather(name):
-    file = skips.data(WEATHER / name)
+@pytest.fixture
+def barrow(tmp_path):
+    """The place in Alaska, under clear skies."""
+    file = clear_year(tmp_path / "barrow.epw", 71.286, -156.767, -9.0)
     return f"[weather]\nfile = '{file}'\n"
 
 
-def test_polar_night_is_dark(evaluate):
-    barrow = weather("USA_AK_Barrow.700260_TMY3.epw")
+def test_polar_night_is_dark(evaluate, barrow):
     result = evaluate(changed((DAYS, "months = [12]")) + barrow)
     assert result.illuminance.sizes["time"] == 230
     assert (result.illuminance["sun_open"] == 0).all()
@@ -227,8 +225,7 @@ def test_polar_night_is_dark(evaluate):
     assert result.metrics["msDA"][10] is None
 
 
-def test_the_midnight_sun_shines_through_a_northern_window_only(evaluate):
-    barrow = weather("USA_AK_Barrow.700260_TMY3.epw")
+def test_the_midnight_sun_shines_through_a_northern_window_only(evaluate, barrow):
     midnight = DAYS, "months = [6]\nhours = [0, 1]"
     north = evaluate(changed(midnight, ("facade.south", "facade.north")) + barrow)
     assert north.sky.sizes["bin"] == 146 + int((north.daylight.sky["sun"] > 0).sum())

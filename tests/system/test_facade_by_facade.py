@@ -162,7 +162,7 @@ def test_many_states_are_recombined(run, tmp_path, monkeypatch):
     assert "a state is missing" in err
 
 
-@pytest.mark.parametrize("kept", ["all", "metrics"])
+@pytest.mark.parametrize("kept", [pytest.param("all", marks=pytest.mark.slow), "metrics"])
 def test_the_plan_of_a_summed_year_says_what_it_leaves_out(run, tmp_path, monkeypatch, kept):
     """Six states: simulated one by one they have light from pane to pane, in a sum they do not."""
     rows = islice(cycle(["open,open", "open,1", "milk,open", "milk,1", "2,open", "2,1"]), HOURS)

@@ -155,6 +155,7 @@ def test_a_target_of_each_sensor_is_reached_at_the_eyes(case, year):
     assert "after 1 round," not in note
 
 
+@pytest.mark.slow
 def test_hours_of_glare_are_known_as_well_as_a_target_asks(tmp_path):
     """Shares of the hours against a run of thirty times the paths, which shares no rays."""
     days = [f"{month:02d}-{day}" for month in range(1, 13) for day in ("04", "18")]

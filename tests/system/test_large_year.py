@@ -212,7 +212,7 @@ def test_whole_arrays_are_kept_where_the_case_wants_them_whatever_the_memory(tmp
 MEMORY = """
 import sys
 from drcmitsuba import evaluate_within, load_case
-from drcmitsuba.annual.saved_result import peak_memory
+from drcmitsuba.runtime.machine_memory import peak_memory
 case = load_case("classroom/reference/existing")
 n = int(sys.argv[1])
 sensors = case.sensors.model_copy(update={"count": (n, n), "spacing": 7.0 / n})

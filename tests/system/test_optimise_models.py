@@ -29,7 +29,10 @@ def case_of(folder, name, design=DESIGN):
     return drcmitsuba.load_case(folder / "case.toml")
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name == "mesh")) for name in MODELS],
+)
 def test_a_search_is_simulations_and_finds_what_a_sweep_finds(tmp_path, name):
     case = case_of(tmp_path, name)
     layout = ModelLayout.of(case)

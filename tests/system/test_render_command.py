@@ -111,6 +111,7 @@ def test_tones_stand_beside_each_other_and_share_a_scale(rendered, monkeypatch, 
     assert np.allclose(white[lit].max(axis=-1), 1)
 
 
+@pytest.mark.slow
 def test_a_picture_is_as_sure_as_a_target_asks(rendered, monkeypatch, capsys):
     """Its actual error, against a run of many more rays of another seed, is as it states."""
     monkeypatch.chdir(rendered)

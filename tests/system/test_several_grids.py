@@ -1,14 +1,13 @@
 """A model of two rooms from the command line: metrics, tables and plans by room; views; place."""
 
 import json
-import shutil
 
 import numpy as np
 import pytest
 import xarray as xr
 from matplotlib.image import imread
 
-from tests import SHARED, skips
+from tests.made_weather import clear_year
 
 ROOMS = """
 void plastic floor  0 0 5 .2 .2 .2 0 0
@@ -109,7 +108,7 @@ def test_a_case_lists_grids_views_and_north(run, tmp_path):
 
 
 def test_another_place_than_the_weathers_is_told(run, tmp_path):
-    shutil.copy(skips.data(SHARED / "data" / "weather" / "denver.epw"), tmp_path / "denver.epw")
+    clear_year(tmp_path / "denver.epw", 39.76, -104.86, -7.0, place="Denver")
     place = '[weather]\nfile = "denver.epw"\n[site]\nname = "Geneva"\ntimezone = 1\n'
     file = written(tmp_path, place + "latitude = 46.2\nlongitude = 6.1\n")
     for verb in ("case", "plan"):

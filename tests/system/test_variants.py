@@ -78,7 +78,12 @@ states = ["shade"]
 
 
 @pytest.mark.parametrize(
-    "more", ["", EAST, EAST + GROUPS], ids=["one side", "two sides", "groups of panes"]
+    "more",
+    [
+        pytest.param("", id="one side"),
+        pytest.param(EAST, id="two sides", marks=pytest.mark.slow),
+        pytest.param(EAST + GROUPS, id="groups of panes"),
+    ],
 )
 def test_variants_are_what_each_is_alone(run, tmp_path, same, more):
     for name, strips in (("clear", CLEAR), ("fabric", FABRIC)):

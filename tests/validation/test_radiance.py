@@ -87,8 +87,10 @@ def few(case):
 
 @pytest.mark.parametrize("program", ["rcontrib", pytest.param("rfluxmtx", marks=pytest.mark.slow)])
 def test_sky(few, program, same, tmp_path):
-    C, *room = few
-    room = radiance.Room(*room, tmp_path)
+    """Every second of the sensors."""
+    C, text, points, normals = few
+    C = C.isel(sensor=slice(None, None, 2))
+    room = radiance.Room(text, points[::2], normals[::2], tmp_path)
     trace = {"rcontrib": room.sky, "rfluxmtx": room.sky_by_rfluxmtx}[program]
     theirs = trace([*UNBIASED, "-ad", "2048"], repeats=12)
     mine = C["replicates"].values[..., :BINS]
@@ -129,7 +131,7 @@ def test_glass(same, tmp_path):
     C = compute(glazed(case, 0.96), points, normals, suns(0), FEW)
     text = radiance.scene_text(surfaces_of(case), transmissivity=0.96)
     room = radiance.Room(text, points, normals, tmp_path)
-    theirs = room.sky([*UNBIASED, "-ad", "2048"], repeats=12)
+    theirs = room.sky([*UNBIASED, "-ad", "2048"], repeats=6)
     same(C["replicates"].values.mean(axis=1), other=theirs.mean(axis=1), within=0.003)
 
 

@@ -67,7 +67,13 @@ def both(tiled, composition, closed, fresh):
 WEST = {"segments": 2, "strips": PLAIN}
 
 
-@pytest.mark.parametrize("sides", [{}, {"west": WEST}], ids=["one side", "two sides"])
+@pytest.mark.parametrize(
+    "sides",
+    [
+        pytest.param({}, id="one side", marks=pytest.mark.slow),
+        pytest.param({"west": WEST}, id="two sides"),
+    ],
+)
 def test_compositions_are_what_they_are_alone(sides):
     """E in all and by sensor, of plain and mixed façades, in both states; their standard errors."""
     fills = (*FILLS, "hole")

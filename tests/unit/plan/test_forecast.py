@@ -222,7 +222,15 @@ def test_the_machine_is_measured_once():
     assert speed().host > 0
 
 
-@pytest.mark.parametrize("kind", ["clear", "shade", "pipe", "colour", "north, overcast"])
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "clear",
+        *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("shade", "colour")),
+        "pipe",
+        "north, overcast",
+    ],
+)
 def test_bytes_on_disk_and_the_actual_cost_are_written(kind, tmp_path, monkeypatch):
     monkeypatch.setattr(cost_of, "SHORT", 0)
     case = Case.model_validate({**ROOM, **KINDS_OF_CASES[kind]})

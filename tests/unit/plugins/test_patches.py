@@ -6,9 +6,7 @@ import pytest
 from drcmitsuba_plugins.patches import Patches, patch_index
 
 from drcmitsuba.runtime import backend
-from tests import SHARED, skips
-
-REFERENCE = SHARED / "reference"
+from tests import REFERENCE
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -34,17 +32,20 @@ def direction(altitude, azimuth):
 
 @pytest.mark.parametrize("subdivision", [1, 2])
 def test_patches_are_those_of_radiance(subdivision):
-    path = skips.data(REFERENCE / f"reinhart_MF{subdivision}_patches.csv")
-    table = np.genfromtxt(path, delimiter=",", names=True, dtype=None, encoding="utf-8")
-    patches = Patches(subdivision)
-    assert len(patches) == len(table)
-    np.testing.assert_allclose(patches.solid_angles, table["solid_angle_sr"], atol=6e-9)
-    theirs = np.stack([table[f"dir_{axis}"] for axis in ("x_east", "y_north", "z")], axis=-1)
-    np.testing.assert_allclose(patches.directions, theirs, atol=1e-8)
-    low, high, west, east = np.degrees(patches.bounds.T)
-    np.testing.assert_allclose(low[1:], table["alt_lo_deg"][1:], atol=1e-6)
-    np.testing.assert_allclose(high[1:], table["alt_hi_deg"][1:], atol=1e-6)
-    np.testing.assert_allclose((east - west)[1:], table["azi_width_deg"][1:], atol=1e-6)
+    rings = np.genfromtxt(REFERENCE / "reinhart.csv", delimiter=",", names=True)
+    rings = rings[rings["subdivision"] == subdivision]
+    counts = rings["patches"].astype(int)
+    table, patches = rings.repeat(counts), Patches(subdivision)
+    assert len(patches) == 1 + len(table)
+    np.testing.assert_allclose(patches.solid_angles[1:], table["solid_angle_sr"], atol=6e-9)
+    # Patches of a ring begin in the north and go on by the east.
+    azimuth = np.concatenate([np.arange(n) * 2 * np.pi / n for n in counts])
+    theirs = direction(np.radians(table["centre_deg"]), azimuth)
+    np.testing.assert_allclose(patches.directions[1:], theirs, atol=2e-8)
+    low, high, west, east = np.degrees(patches.bounds[1:].T)
+    np.testing.assert_allclose(low, table["low_deg"], atol=1e-6)
+    np.testing.assert_allclose(high, table["high_deg"], atol=1e-6)
+    np.testing.assert_allclose(east - west, 360 / table["patches"], atol=1e-6)
 
 
 @pytest.mark.parametrize("subdivision", range(1, 7))

@@ -11,16 +11,14 @@ from drcmitsuba_plugins.sampling import disk_solid_angle
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import PatchCentres, PatchMeans, Perez, perez, radiance
 from drcmitsuba.sky.sun import direction
-from tests import SHARED, skips
+from tests import REFERENCE
 
-REFERENCE = SHARED / "reference"
 RADIANCE_DEW_POINT = 11.0
 """gendaymtx's dew point [deg C] where a WEA file has none."""
 
 
 def table(name):
-    path = skips.data(REFERENCE / name)
-    with path.open(newline="") as file:
+    with (REFERENCE / name).open(newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))
 
 
@@ -63,10 +61,10 @@ def random_hours(n, seed=1):
 def test_coefficients_are_the_published_ones():
     published = [
         [[float(row[f"{p}{i}"]) for i in range(1, 5)] for p in "abcde"]
-        for row in table("perez1993_sky_coefficients.csv")
+        for row in table("perez_1993.csv")
     ]
     np.testing.assert_array_equal(perez.DISTRIBUTION, published)
-    rows = table("perez1990_luminous_efficacy.csv")
+    rows = table("perez_1990.csv")
     for name, ours in (
         ("diffuse_horizontal", perez.DIFFUSE_EFFICACY),
         ("direct_normal", perez.DIRECT_EFFICACY),
@@ -79,7 +77,7 @@ def test_coefficients_are_the_published_ones():
 
 
 def test_parameters_are_those_of_gendaylit():
-    rows = [r for r in table("golden_gendaylit_geneva.csv") if r["status"] == "ok"]
+    rows = [r for r in table("gendaylit.csv") if r["status"] == "ok"]
     assert len(rows) == 42
     dni, dhi, z = (
         np.array([float(r[k]) for r in rows]) for k in ("dir_norm_Wm2", "diff_hor_Wm2", "sun_dz")
@@ -110,7 +108,7 @@ def test_parameters_are_those_of_gendaylit():
 
 
 def test_hours_that_gendaylit_refuses_are_black():
-    rows = [r for r in table("golden_gendaylit_geneva.csv") if r["status"] != "ok"]
+    rows = [r for r in table("gendaylit.csv") if r["status"] != "ok"]
     assert rows
     zenith = np.degrees(np.arccos([float(r["sun_dz"]) for r in rows]))
     sun = sun_at(zenith, 90.0)
@@ -139,19 +137,16 @@ def radiance_sun(month, day, hour):
 
 
 def golden_hours():
-    """Hours, weather and printed radiances (mode → (time, bin)) of the gendaymtx golden file."""
-    rows = table("golden_gendaymtx_m1_geneva.csv")
+    """Sun, weather, printed radiances of the sky (time, bin), and the sun's illuminances (time)."""
+    rows = table("gendaymtx.csv")
     hours = [k for k in rows[0] if k not in ("mode", "patch")]
     times = [(int(m), int(d), float(h)) for m, d, h in (k.split("-") for k in hours)]
     printed: dict[str, list] = {}
     for row in rows:
         printed.setdefault(row["mode"], []).append([float(row[h]) for h in hours])
-    weather_file = REFERENCE.parent / "data" / "weather" / "CHE_Geneva.067000_IWEC.epw"
-    irradiances = {}
-    for line in weather_file.read_text(encoding="latin-1").splitlines()[8:]:
-        f = line.split(",")
-        irradiances[int(f[1]), int(f[2]), int(f[3]) - 0.5] = float(f[14]), float(f[15])
-    dni, dhi = np.array([irradiances[t] for t in times]).T
+    (dni,), (dhi,) = (np.array(printed[name]) for name in ("dni", "dhi"))
+    lit = [int(row["patch"]) for row in rows if row["mode"] == "sun"]
+    sunlight = 179 * Patches().solid_angles[lit] @ np.array(printed["sun"])
     time = np.array(
         [f"2015-{m:02d}-{d:02d}T{int(h):02d}:00" for m, d, h in times], dtype="datetime64[ns]"
     )
@@ -160,14 +155,15 @@ def golden_hours():
     return (
         sun,
         weather(sun, dni, dhi, RADIANCE_DEW_POINT),
-        {k: np.array(v).T for k, v in printed.items()},
+        np.array(printed["sky"]).T,
+        sunlight,
     )
 
 
 def test_centre_values_are_those_of_gendaymtx():
-    sun, data, printed = golden_hours()
+    sun, data, theirs, _ = golden_hours()
     L = radiance(data, sun, model=Perez(PatchCentres()))
-    ours, theirs = L.sky.to_numpy() / 179, printed["sky_only_grey"]
+    ours = L.sky.to_numpy() / 179
     last_digit = 10.0 ** (np.floor(np.log10(np.maximum(theirs, 1e-9))) - 2)
     assert (theirs > 0).mean() > 0.9
     assert (ours[theirs == 0] == 0).all()
@@ -175,9 +171,8 @@ def test_centre_values_are_those_of_gendaymtx():
 
 
 def test_sun_is_that_of_gendaymtx():
-    sun, data, printed = golden_hours()
+    sun, data, _, theirs = golden_hours()
     L = radiance(data, sun, model=Perez())
-    theirs = printed["sun_spread4"][:, 1:] @ Patches().solid_angles[1:] * 179
     # Four patches, each printed with three digits.
     np.testing.assert_allclose(L.direct_normal_illuminance, theirs, rtol=3e-3)
     assert L.direct_normal_illuminance.max() > 8e4
