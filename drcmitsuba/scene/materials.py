@@ -224,8 +224,10 @@ def bsdf(material: SurfaceMaterial, channel: int = 0) -> dict[str, Any]:
     """
     if isinstance(material, BsdfMaterial):
         measured = film(material.file)
-        mix = {"mix": list(material.mix)} if isinstance(material, BsdfInBand) else {}
-        return mix | {
+        mix = material.mix if isinstance(material, BsdfInBand) else None
+        if mix is not None and not measured.coloured and abs(sum(mix) - 1) < 1e-9:
+            mix = None  # a grey film is the same in all bands
+        return ({} if mix is None else {"mix": mix}) | {
             "type": "klems" if measured.file.kind == "Klems" else "tensor_tree",
             "filename": str(material.file),
             # Luminance decides, so that all channels and `lets_through` agree.

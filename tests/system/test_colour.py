@@ -13,8 +13,10 @@ from drcmitsuba.annual.result import Result
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.colour import Colour
 from drcmitsuba.colour.bands import Bands
+from drcmitsuba.colour.spectra import of_rgb
 from drcmitsuba.colour.tints import Tints
 from drcmitsuba.runtime.errors import InputError
+from tests import ROOT
 from tests.unit.colour.rooms import box
 
 SHADE = {
@@ -145,3 +147,20 @@ def test_the_report_shows_melanopic_light_and_its_rules(grey):
     told = grey.metrics["melanopic"]["views"]["desk"]["rules"]["WELL v2 L03, 1 point"]
     words = {"yes": "met", "no": "not met", "open": "open"}
     assert f"| {words[told['met']]}, {told['mornings']['value']:.1f}" in page
+
+
+def test_a_tinted_film_in_a_grey_room_tints_all_light():
+    """Light that passed one film has its spectrum, whatever happened to it before and after."""
+    film = str(ROOT / "scenes" / "films" / "prism.xml")
+    tint = [0.4, 0.6, 0.5]
+    case = box(
+        materials={"glass": {"type": "bsdf", "file": film}},
+        colour={"bands": 9, **D65, "spectra": {"glass": tint}},
+        effects={"interreflection": "off"},  # the film reflects, tinted, too
+    )
+    result, bands = evaluate(case), Bands.of(9)
+    values = of_rgb(tint).at(bands)
+    expected = bands.weights("melanopic") @ values / (bands.weights("Y") @ values)
+    E, M = result.illuminance["total"].values, result.spectral["melanopic"].values
+    lit = 0.01 * E.max() < E
+    assert M[lit] == pytest.approx(expected * E[lit], rel=2e-3)
