@@ -31,7 +31,7 @@ class Source(str, Enum):
     sun = "sun"
 
 
-class Space(str, Enum):
+class ScreenSpace(str, Enum):
     """Spaces of a PNG's colours."""
 
     srgb = "srgb"
@@ -87,7 +87,9 @@ def render(
     white: Annotated[
         str, option("LIGHT", "White of a PNG: daylight, view (its mean light) or kelvin, as 4000.")
     ] = "daylight",
-    space: Annotated[Space, option("NAME", "Colours of a PNG: srgb or display-p3.")] = Space.srgb,
+    space: Annotated[
+        ScreenSpace, option("NAME", "Colours of a PNG: srgb or display-p3.")
+    ] = ScreenSpace.srgb,
     pixels: Annotated[ExrValues, option("NAME", "EXR: float or half.")] = ExrValues.float,
     samples: Annotated[int, option("NUMBER", "Rays in each pixel.")] = 8,
     target: Annotated[

@@ -64,7 +64,20 @@ class Shown(NamedTuple):
 
 @dataclass(frozen=True)
 class Screen:
-    """Screen on which a picture is seen, and the light that it shows as white."""
+    """Screen on which a picture is seen, and the light that it shows as white.
+
+    An unfit temperature raises InputError.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from drcmitsuba import picture
+    >>> from drcmitsuba.picture import tone
+    >>> from drcmitsuba.picture.screen import Screen
+    >>> warm = picture.Picture(np.full((4, 4, 3), (900, 700, 500), np.float32))
+    >>> tone.exposed(warm, 1000, Screen("display-p3", white="view"))[0, 0]
+    array([223, 223, 223], dtype=uint8)
+    """
 
     space: Space = "srgb"
     white: White = "daylight"
@@ -151,19 +164,23 @@ def _of_daylight(matrix: np.ndarray) -> np.ndarray:
 
 
 def _inside(linear: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, float]:
-    """Colours (row, column, 3) moved to 0 to 1, towards their greys, and the share of them.
+    """Colours (row, column, 3), those beyond 0 to 1 moved towards their greys; and their share.
 
-    `weights` are those of luminance. Colours brighter than white are white, and do not count.
+    The array is changed. `weights` are those of luminance. Colours brighter than white become white
+    and do not count.
     """
-    Y = (linear @ weights.astype(np.float32))[..., None]
-    apart, grey = linear - Y, np.clip(Y, 0, 1)
-    high, low = apart.max(axis=-1, keepdims=True), -apart.min(axis=-1, keepdims=True)
-    least = np.float32(1e-12)
-    to_edge = np.minimum((1 - grey) / np.maximum(high, least), grey / np.maximum(low, least))
-    kept = np.minimum(to_edge, 1)
-    changed = (1 - kept) * np.maximum(high, low)
-    moved = float(((changed > VISIBLE) & (grey < 1 - VISIBLE)).mean())
-    return np.clip(grey + kept * apart, 0, 1), moved
+    low, high = (
+        f(f(linear[..., 0], linear[..., 1]), linear[..., 2]) for f in (np.minimum, np.maximum)
+    )
+    beyond = (low < 0) | (high > 1)
+    some = linear[beyond]
+    Y = some @ weights.astype(np.float32)
+    grey, least = np.clip(Y, 0, 1), np.float32(1e-12)
+    above, below = np.maximum(high[beyond] - Y, least), np.maximum(Y - low[beyond], least)
+    kept = np.minimum(np.minimum((1 - grey) / above, grey / below), 1)
+    moved = ((1 - kept) * np.maximum(above, below) > VISIBLE) & (grey < 1 - VISIBLE)
+    linear[beyond] = np.clip(grey[:, None] + kept[:, None] * (some - Y[:, None]), 0, 1)
+    return linear, float(moved.sum() / beyond.size)
 
 
 @cache
