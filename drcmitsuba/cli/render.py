@@ -31,6 +31,13 @@ class Source(str, Enum):
     sun = "sun"
 
 
+class ScreenSpace(str, Enum):
+    """Spaces of a PNG's colours."""
+
+    srgb = "srgb"
+    display_p3 = "display-p3"
+
+
 class ExrValues(str, Enum):
     """Values of an `.exr`."""
 
@@ -77,6 +84,12 @@ def render(
         str | None,
         option("LEAST,MOST", "Ends of false colours, white of an exposure [cd/m²], as 10,10000."),
     ] = None,
+    white: Annotated[
+        str, option("LIGHT", "White of a PNG: daylight, view (its mean light) or kelvin, as 4000.")
+    ] = "daylight",
+    space: Annotated[
+        ScreenSpace, option("NAME", "Colours of a PNG: srgb or display-p3.")
+    ] = ScreenSpace.srgb,
     pixels: Annotated[ExrValues, option("NAME", "EXR: float or half.")] = ExrValues.float,
     samples: Annotated[int, option("NUMBER", "Rays in each pixel.")] = 8,
     target: Annotated[
@@ -96,6 +109,7 @@ def render(
 ) -> None:
     """Render a view: .exr with its standard error, .hdr and .png, in cd/m²."""
     from drcmitsuba.case.groups import APPLIED
+    from drcmitsuba.picture.screen import SRGB, Screen, parsed_white
     from drcmitsuba.rendering import Sampling, frames, prepare
     from drcmitsuba.rendering.frames import TIME_LIMIT
     from drcmitsuba.rendering.prepared_view import instant_of
@@ -122,6 +136,10 @@ def render(
         instants = list(read_timestamps(times))
     wanted, sampling, notes = _size(size), Sampling(samples=samples), dict[str, None]()
     ends = None if scale is None else _scale(scale, tone)
+    screen = Screen(space.value, parsed_white(white))
+    if screen != SRGB and (bins or tone is Tone.false):
+        got = "given with --bins" if bins else f"given with --tone {tone.value}"
+        raise InputError("command line", "--white, --space", got, "give --tone human or exposure")
     loaded = load(case, weather)
     files: list[Path] = []
     shown: Counter[str] = Counter()
@@ -138,8 +156,11 @@ def render(
             source=source.value, target=target,
             time_limit=TIME_LIMIT if time_limit is None else time_limit, stage=stage,
         ):  # fmt: skip
-            files += rendering.save(output, tone.value, pixels.value, ends)
-            notes |= dict.fromkeys(rendering.notes)
+            told = list(rendering.notes)
+            files += rendering.save(
+                output, tone.value, pixels.value, ends, screen, remark=told.append
+            )
+            notes |= dict.fromkeys(told)
             shown[rendering.state] += 1
     if not bins:
         notes |= dict.fromkeys(weather_of(loaded).notes)

@@ -95,9 +95,13 @@ class SourceSpectra:
     def of_band(self, sky: xr.Dataset, band: int, ground: float = 1.0) -> xr.Dataset:
         """Sky and sun of a band [cd/m², as D65], where the ground reflects `ground` × as much."""
         share = np.empty(self.sky.shape, np.float32)
-        share[:, 1:] = _of_phases(self.phases[band : band + 1], self.sky[:, 1:])[0]
+        share[:, 1:] = self.of_phase(band, self.sky[:, 1:])
         share[:, 0] = self.ground[band] * ground
         return sky.assign(sky=sky["sky"] * share, sun=sky["sun"] * self.sun[band])
+
+    def of_phase(self, band: int, mireds: np.ndarray) -> np.ndarray:
+        """Light of a band in phases of daylight of reciprocal temperatures [1/MK], any shape."""
+        return np.interp(mireds, MIREDS, self.phases[band])
 
 
 def _measured(path: Path, bands: Bands) -> np.ndarray:
@@ -123,13 +127,15 @@ def daylight_phases() -> np.ndarray:
     return np.stack(each, axis=1)
 
 
-def sky_temperatures(case: Case, light: Daylight) -> np.ndarray:
-    """Correlated colour temperature of the sky's patches [K], shape (time, patch).
+def sky_temperatures(case: Case, light: Daylight, L: np.ndarray | None = None) -> np.ndarray:
+    """Correlated colour temperature of the sky [K], shape (time, place).
+
+    The luminances L (time, place) [cd/m²] are those of its patches unless others are given.
 
     `chain` is [1]_, 10⁶ / (59.77 log₁₀ L − 132.1); `takagi` is [2]_, 6500 + 1.1985·10⁸ / L^1.2,
     with the luminance L [cd/m²].
     """
-    L = np.maximum(light.sky["sky"].values[:, 1:], 1.0)
+    L = np.maximum(light.sky["sky"].values[:, 1:] if L is None else L, 1.0)
     if isinstance(case.colour.sky, Path):
         return np.full(L.shape, OVERCAST)  # its spectrum does not depend on it
     if not isinstance(case.colour.sky, str):

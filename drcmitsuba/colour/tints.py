@@ -67,6 +67,11 @@ class Tints:
             shapes[name] = np.stack([v / max(photopic @ v, 1e-9) for v in each])
         return shapes
 
+    @property
+    def content(self) -> dict[str, list[list[float]]]:
+        """Values of each named spectrum, on which materials depend beside those of the case."""
+        return {name: values.tolist() for name, values in self._shapes.items()}
+
     @cached_property
     def _names(self) -> dict[int, str]:
         """Names of the case's materials, by the objects."""

@@ -10,8 +10,9 @@ hdr, hdr_header, rgbe
     Radiance's pictures.
 exr, exr_header
     OpenEXR pictures.
-tone, false_colour
+tone, screen, false_colour
     Pictures for a screen: by exposure, as the eye would see them, in colours with a legend.
+    `Screen`: its space, sRGB or Display P3, and what is white.
 glare, glare_sources, position_index
     `glare`: DGP, UGR and DGI of a picture from its glare sources.
 """

@@ -11,6 +11,7 @@ from matplotlib.image import imsave
 from matplotlib.ticker import LogFormatter, LogLocator
 
 from drcmitsuba.picture.picture import Picture
+from drcmitsuba.picture.screen import SRGB, Screen
 from drcmitsuba.report.style import NAME
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
@@ -99,8 +100,10 @@ class _Plain(LogFormatter):
         return f"{x:,.10g}"
 
 
-def save_png(pixels: np.ndarray, file: str | Path) -> None:
-    """Write sRGB pixels (row, column, 3) from 0 to 255 as PNG; never leaves half a file.
+def save_png(pixels: np.ndarray, file: str | Path, screen: Screen = SRGB) -> None:
+    """Write a screen's pixels (row, column, 3) from 0 to 255 as PNG; never leaves half a file.
+
+    The file states the space of its colours.
 
     Examples
     --------
@@ -115,4 +118,4 @@ def save_png(pixels: np.ndarray, file: str | Path) -> None:
     >>> save_png(tone.human(office), "office.png")
     """
     with storage.whole(Path(file)) as temporary:
-        imsave(temporary, pixels, format="png")
+        imsave(temporary, pixels, format="png", pil_kwargs=screen.of_png)

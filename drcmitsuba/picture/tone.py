@@ -17,7 +17,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from drcmitsuba.picture.picture import Picture, to_xyz
+from drcmitsuba.picture.picture import Picture
+from drcmitsuba.picture.screen import SRGB, Screen
 from drcmitsuba.runtime.errors import InputError
 
 BLACK, WHITE = 1.0, 100.0
@@ -34,10 +35,9 @@ FOVEA = 1.0
 """Angle over which the eye adapts [deg]."""
 TOLERANCE = 0.025
 """Share of the view that may be left above the ceiling of contrast [–]."""
-_BT709 = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)
 
 
-def exposed(picture: Picture, white: float | None = None) -> np.ndarray:
+def exposed(picture: Picture, white: float | None = None, screen: Screen = SRGB) -> np.ndarray:
     """Picture in which a luminance is white, and brighter ones are cut off.
 
     Parameters
@@ -46,11 +46,13 @@ def exposed(picture: Picture, white: float | None = None) -> np.ndarray:
         Picture.
     white : float, optional
         Luminance of white [cd/m²]; by default 98 % of the lit pixels are darker.
+    screen : Screen
+        Space of the colours, and what is white.
 
     Returns
     -------
     np.ndarray, shape (row, column, 3)
-        sRGB from 0 to 255, uint8.
+        Colours of the screen from 0 to 255, uint8.
 
     Examples
     --------
@@ -64,27 +66,34 @@ def exposed(picture: Picture, white: float | None = None) -> np.ndarray:
     >>> tone.exposed(office, white=4000)[0, 0]
     array([99, 99, 99], dtype=uint8)
     """
+    return screen.show(picture, exposure(picture, white)).pixels
+
+
+def exposure(picture: Picture, white: float | None = None) -> np.ndarray:
+    """Luminances of a picture over that of white [–], (row, column), as for `exposed`."""
     luminance = picture.luminance
     if white is None:
         lit = luminance[luminance > 0]
         white = float(np.quantile(lit, 0.98)) if len(lit) else 1.0
     if not 0 < white < np.inf:
         raise InputError("exposed", "white", f"{white}", "give cd/m² above 0")
-    return _srgb(picture, luminance / white)
+    return np.asarray(luminance / white)
 
 
-def human(picture: Picture) -> np.ndarray:
+def human(picture: Picture, screen: Screen = SRGB) -> np.ndarray:
     """Picture as the eye would see the scene, on a screen of 1 to 100 cd/m².
 
     Parameters
     ----------
     picture : Picture
         Picture; without a view, it counts as 100 foveas wide.
+    screen : Screen
+        Space of the colours, and what is white.
 
     Returns
     -------
     np.ndarray, shape (row, column, 3)
-        sRGB from 0 to 255, uint8.
+        Colours of the screen from 0 to 255, uint8.
 
     Examples
     --------
@@ -98,12 +107,17 @@ def human(picture: Picture) -> np.ndarray:
     >>> tone.human(office).dtype
     dtype('uint8')
     """
+    return screen.show(picture, brightness(picture)).pixels
+
+
+def brightness(picture: Picture) -> np.ndarray:
+    """Luminances of a screen over that of its white [–], (row, column), as for `human`."""
     luminance = np.maximum(picture.luminance.astype(float), 0)
     edges, count = _histogram(_foveal(picture, luminance))
     if edges[-1] - edges[0] < SAME:
-        return exposed(picture, float(np.exp(edges[-1])) * WHITE / MIDDLE)
+        return exposure(picture, float(np.exp(edges[-1])) * WHITE / MIDDLE)
     shown = np.interp(_brightness(luminance), edges, _curve(edges, count))
-    return _srgb(picture, (np.exp(shown) - BLACK) / (WHITE - BLACK))
+    return np.asarray((np.exp(shown) - BLACK) / (WHITE - BLACK))
 
 
 def threshold(luminance: np.ndarray) -> np.ndarray:
@@ -174,19 +188,3 @@ def _curve(edges: np.ndarray, count: np.ndarray) -> np.ndarray:
         if excess <= allowed:
             return curve
         count = np.minimum(count, ceiling)
-
-
-def _srgb(picture: Picture, relative: np.ndarray) -> np.ndarray:
-    """Make sRGB of a picture whose pixels have luminances relative to white (row, column)."""
-    luminance = np.maximum(picture.luminance, 1e-30)
-    colours = picture.rgb * (np.clip(relative, 0, 1e6) / luminance)[..., None].astype(np.float32)
-    to_screen = np.linalg.inv(to_xyz(_BT709)) @ _adapted(to_xyz(picture.primaries))
-    linear = np.clip(colours @ to_screen.T.astype(np.float32), 0, 1)
-    coded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return np.round(255 * coded).astype(np.uint8)
-
-
-def _adapted(matrix: np.ndarray) -> np.ndarray:
-    """Matrix to X, Y, Z with the picture's white moved to that of the screen, D65."""
-    white = to_xyz(_BT709).sum(axis=1)
-    return matrix * (white / matrix.sum(axis=1))[:, None]

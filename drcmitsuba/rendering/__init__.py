@@ -10,12 +10,14 @@ surface_light
     Light on all surfaces of the scene, of which the rays gather.
 light_paths
     All of a picture that does not depend on the hour.
-outside, hour
+outside, sun_on_surfaces, hour
     Sky, ground and sun of an hour, and the picture that they give.
+view_colours
+    Colour of that picture, from few light paths in each band.
 coefficient_pictures
     Pictures of each sky bin.
-stored_view
-    Light paths on disk.
+view_parts, stored_view
+    A view traced in every channel and band; light paths on disk.
 rendering, prepared_view
     `prepare`: pictures with their standard error, and their files.
 rounds

@@ -4,31 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from drcmitsuba_plugins.sampling import TO_UNIT, disk_solid_angle, random_bits, sample_disk
 from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.rendering.caustics import CausticMap
 from drcmitsuba.rendering.light_paths import PixelPaths, TracedView
-from drcmitsuba.rendering.mirrored_sun import seen_in_rough
 from drcmitsuba.rendering.outside import OutsideLuminances
+from drcmitsuba.rendering.sun_on_surfaces import (
+    along_peaks,
+    direct_sun,
+    in_mirrors,
+    in_rough_mirrors,
+)
 from drcmitsuba.rendering.surface_light import Glowing, HourSources
 from drcmitsuba.runtime.flat_arrays import flat
-from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.schema import mean_and_error
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.films.peaks import peak_deposit
-from drcmitsuba.transport.rays.shadow_rays import straight
-
-PEAK_RAYS = 4
-"""Largest number of directions along the peaks of a film from each surface that a ray shows."""
-
-LOBE_RAYS = 4
-"""Directions from the lobe of the sun in rough mirrors, from each surface that a ray shows."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +39,18 @@ class Luminance:
 
 
 @dataclass(frozen=True)
+class LightParts:
+    """Luminance of the pixels by what they show, (row, column) each."""
+
+    straight: np.ndarray
+    """All but `gathered` [cd/m²]: the outside, panes, and surfaces in the sun."""
+    reflected: np.ndarray
+    """Luminance per irradiance of the surfaces that the pixels show [1/sr]."""
+    gathered: np.ndarray
+    """Light of the sky, panes and other surfaces on these surfaces [cd/m²]: the noisy part."""
+
+
+@dataclass(frozen=True)
 class _Tables:
     """Light of the hour on cells, of the sky, of panes, as flat arrays."""
 
@@ -56,6 +62,8 @@ class _Tables:
     """Panes that scatter."""
     caustics: tuple[CausticMap, ...]
     """Irradiance by components [lx]."""
+    sun: float
+    """Luminance of the sun that lights surfaces [cd/m²]; 0 without one."""
 
 
 def luminance(traced: TracedView, outside: OutsideLuminances, sky: np.ndarray) -> Luminance:
@@ -75,6 +83,30 @@ def luminance(traced: TracedView, outside: OutsideLuminances, sky: np.ndarray) -
     mean, error = (np.concatenate(whole).reshape(shape) for whole in zip(*parts, strict=True))
     disk = outside.disk_in(traced.scene, traced.view, shape, traced.images)
     return Luminance(mean + disk, error, disk)
+
+
+def in_parts(traced: TracedView, outside: OutsideLuminances, sky: np.ndarray) -> LightParts:
+    """Parts of the luminance of a view at an instant, means of the replicates.
+
+    Parameters
+    ----------
+    traced, outside, sky
+        As for `replicates`.
+
+    Returns
+    -------
+    LightParts
+    """
+    tables, parts = _tables(traced, outside, sky), []
+    for paths in traced.tiles():
+        whole = _slots(traced, paths, outside, tables)
+        reflected, gathered = _reflected(traced, paths, tables)
+        each = np.stack([whole - gathered, reflected, gathered])
+        parts.append(each.reshape(3, -1, traced.light.base.accuracy.replicates).mean(axis=2))
+    shape = traced.rows, traced.columns
+    straight, reflected, gathered = np.concatenate(parts, axis=1).reshape(3, *shape)
+    disk = outside.disk_in(traced.scene, traced.view, shape, traced.images)
+    return LightParts(straight + disk, reflected, gathered)
 
 
 def replicates(traced: TracedView, outside: OutsideLuminances, sky: np.ndarray) -> np.ndarray:
@@ -99,17 +131,23 @@ def replicates(traced: TracedView, outside: OutsideLuminances, sky: np.ndarray) 
 
 def _tiles(traced: TracedView, outside: OutsideLuminances, sky: np.ndarray) -> Iterator[np.ndarray]:
     """Yield the replicates of some pixels at a time [cd/m²], shape (replicate, pixel)."""
+    tables = _tables(traced, outside, sky)
+    for paths in traced.tiles():
+        of_slots = _slots(traced, paths, outside, tables)
+        yield of_slots.reshape(-1, traced.light.base.accuracy.replicates).T
+
+
+def _tables(traced: TracedView, outside: OutsideLuminances, sky: np.ndarray) -> _Tables:
+    """Light of an instant, as for `replicates`."""
     light = traced.light
     sun = outside.sun if _lights(traced, outside) else 0.0
     sources = HourSources(sky, sun, outside.direction)
     by_sun = light.under(outside.direction) if sun > 0 else None
     glow = light.glow(traced.glow, sources, by_sun)
     caustics = () if traced.caustics is None else traced.caustics.under(sources)
-    tables = _Tables(light.irradiance(sources, by_sun), flat(sky), glow, caustics)
+    tables = _Tables(light.irradiance(sources, by_sun), flat(sky), glow, caustics, sun)
     dr.eval(tables.cells, glow.whole, glow.rest)
-    for paths in traced.tiles():
-        of_slots = _slots(traced, paths, outside, tables, sun)
-        yield of_slots.reshape(-1, light.base.accuracy.replicates).T
+    return tables
 
 
 def _lights(traced: TracedView, outside: OutsideLuminances) -> bool:
@@ -119,7 +157,7 @@ def _lights(traced: TracedView, outside: OutsideLuminances) -> bool:
 
 
 def _slots(
-    traced: TracedView, paths: PixelPaths, outside: OutsideLuminances, tables: _Tables, sun: float
+    traced: TracedView, paths: PixelPaths, outside: OutsideLuminances, tables: _Tables
 ) -> np.ndarray:
     """Luminance of some pixels in every replicate [cd/m²], shape (slot,)."""
     replicates = traced.light.base.accuracy.replicates
@@ -137,7 +175,7 @@ def _slots(
         lit = outside.with_sun(paths.mirrored_d, paths.mirrored_sun)
         add(paths.mirrored_slot, paths.mirrored * lit)
     if dr.width(paths.rough) and outside.sun > 0:
-        add(paths.rough_slot, paths.rough * _in_rough_mirrors(traced, paths, outside))
+        add(paths.rough_slot, paths.rough * in_rough_mirrors(traced, paths, outside))
     if dr.width(paths.pane):
         entry = paths.pane_slot % replicates * dr.opaque(mi.UInt32, len(traced.glow))
         glow = dr.gather(mi.Float, tables.glow.whole, entry + paths.pane_at)
@@ -146,12 +184,29 @@ def _slots(
         E = _irradiance(traced, paths, tables)
         for one in tables.caustics:
             E += one.on(mi.Point3f(paths.p), mi.Normal3f(paths.n), paths.slot % replicates)
-        if sun > 0:
-            E += _direct_sun(traced, paths, outside)
-            E += _in_mirrors(traced, paths, outside)
-            E += _along_peaks(traced, paths, outside, tables.glow)
+        if tables.sun > 0:
+            E += direct_sun(traced, paths, outside)
+            E += in_mirrors(traced, paths, outside)
+            E += along_peaks(traced, paths, outside, tables.glow)
         add(paths.slot, paths.weight * E * dr.inv_pi)
     return np.asarray(out.numpy()) / np.float32(traced.sampling.samples // replicates)
+
+
+def _reflected(
+    traced: TracedView, paths: PixelPaths, tables: _Tables
+) -> tuple[np.ndarray, np.ndarray]:
+    """Luminance of surfaces by irradiance [1/sr], and by what they gather [cd/m²], (slot,) each."""
+    both, first = [], dr.opaque(mi.UInt32, paths.first)
+    E = _irradiance(traced, paths, tables) if dr.width(paths.weight) else mi.Float()
+    for light in (mi.Float(1), E):
+        out = dr.zeros(mi.Float, paths.slots)
+        if dr.width(paths.weight):
+            dr.scatter_add(out, paths.weight * light * dr.inv_pi, paths.slot - first)
+        both.append(out)
+    dr.eval(both)
+    samples = np.float32(traced.sampling.samples // traced.light.base.accuracy.replicates)
+    reflected, gathered = (np.asarray(out.numpy()) / samples for out in both)
+    return reflected, gathered
 
 
 def _irradiance(traced: TracedView, paths: PixelPaths, tables: _Tables) -> mi.Float:
@@ -193,72 +248,3 @@ def _sum(
         total += value * dr.gather(mi.Float, table, base + here)
         index += 1
     return total
-
-
-def _in_rough_mirrors(
-    traced: TracedView, paths: PixelPaths, outside: OutsideLuminances
-) -> mi.Float:
-    """Luminance that rough mirrors show of the sun [cd/m²]."""
-    number = dr.arange(mi.UInt32, dr.width(paths.rough)) + dr.opaque(mi.UInt32, paths.first)
-    with traced.scene.ray_counter.purpose(Stream.EYE_SUN.name):
-        share = seen_in_rough(
-            traced.scene, paths.rough_part, mi.Point3f(paths.rough_p), mi.Normal3f(paths.rough_n),
-            paths.rough_d, images=traced.images, sun=outside.direction,
-            diameter=outside.diameter, uv=_on_disk(traced, number, 2),
-        )  # fmt: skip
-    return share * outside.sun
-
-
-def _on_disk(traced: TracedView, number: mi.UInt32, purpose: int) -> mi.Point2f:
-    """Random numbers that draw points of the sun's disk."""
-    seed = launch_seed(traced.light.base.accuracy.seed, Stream.EYE_SUN) ^ purpose
-    return mi.Point2f(*(mi.Float(v >> 8) * TO_UNIT for v in random_bits(number, seed)))
-
-
-def _direct_sun(traced: TracedView, paths: PixelPaths, outside: OutsideLuminances) -> mi.Float:
-    """Irradiance of the surfaces by the sun through openings and clear panes [lx]."""
-    number = dr.arange(mi.UInt32, dr.width(paths.weight)) + dr.opaque(mi.UInt32, paths.first)
-    centre = dr.opaque(mi.Vector3f, list(map(float, outside.direction)))
-    d = sample_disk(centre, outside.diameter, _on_disk(traced, number, 0))
-    cosine = dr.dot(paths.n, d)
-    with traced.scene.ray_counter.purpose(Stream.EYE_SUN.name):
-        tau = straight(traced.scene, mi.Point3f(paths.p), d, cosine > 0)
-    E = dr.opaque(mi.Float, outside.sun * disk_solid_angle(outside.diameter))
-    return dr.select(tau > 0, tau * cosine * E, 0)
-
-
-def _in_mirrors(traced: TracedView, paths: PixelPaths, outside: OutsideLuminances) -> mi.Float:
-    """Irradiance of the surfaces by the sun in planar mirrors and in rough ones [lx]."""
-    seed, E = launch_seed(traced.light.base.accuracy.seed, Stream.EYE_SUN), mi.Float(0)
-    number = dr.arange(mi.UInt32, dr.width(paths.weight)) + dr.opaque(mi.UInt32, paths.first)
-    points, normals = dr.ravel(paths.p), dr.ravel(paths.n)
-    kind: dict[str, Any] = {
-        "suns": outside.direction[None], "diameter": outside.diameter, "numbers": number,
-    }  # fmt: skip
-    with traced.scene.ray_counter.purpose(Stream.EYE_SUN.name):
-        if traced.images is not None:
-            D = traced.images.suns(points, normals, samples=1, seed=seed ^ 1, **kind)
-            E += D.array * outside.sun
-        for i, lobe in enumerate(traced.lobes):
-            D = lobe.suns(points, normals, samples=LOBE_RAYS, seed=seed ^ (3 + i) << 8, **kind)
-            E += D.array * outside.sun
-    return E
-
-
-def _along_peaks(
-    traced: TracedView, paths: PixelPaths, outside: OutsideLuminances, glow: Glowing
-) -> mi.Float:
-    """Irradiance of the surfaces by the sun in the narrow peaks of films [lx]."""
-    films, E = traced.glow.films, mi.Float(0)
-    number = dr.arange(mi.UInt32, dr.width(paths.weight)) + dr.opaque(mi.UInt32, paths.first)
-    seed = launch_seed(traced.light.base.accuracy.seed, Stream.EYE_PEAKS)
-    for peaks in glow.peaks:
-        assert films is not None
-        with traced.scene.ray_counter.purpose(Stream.EYE_PEAKS.name):
-            D = peak_deposit(
-                traced.scene, films.patches, films.mounts[peaks.owner], peaks, dr.ravel(paths.p),
-                dr.ravel(paths.n), suns=outside.direction[None], diameter=outside.diameter,
-                most=PEAK_RAYS, seed=seed, numbers=number,
-            )  # fmt: skip
-        E += D.array * outside.sun
-    return E

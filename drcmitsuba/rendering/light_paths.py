@@ -287,12 +287,15 @@ class _Tracer:
 
     def _met(self, met: Vertices, weight: mi.Float) -> tuple[mi.UInt32, mi.UInt32, mi.Float16]:
         """Surface, cell and weight of the vertices of gather paths, whose cells are collected."""
+        none = mi.UInt32(), mi.UInt32(), mi.Float16()
         if len(met) == 0:
-            return mi.UInt32(), mi.UInt32(), mi.Float16()
+            return none
+        shown = met.weight * dr.gather(mi.Float, weight, met.row)
+        if not dr.any(shown > 0):  # only black surfaces
+            return none
         before = dr.opaque(mi.UInt32, self.cells.count)
         self.cells = self.cells.extended(met)
         cell, count = self.cells.of(met), self.cells.count
-        shown = met.weight * dr.gather(mi.Float, weight, met.row)
         dr.eval(cell, shown)
         if self.once:
             self.seen = with_weights(self.seen, count, cell, shown)

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import re
-import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -25,9 +22,11 @@ from drcmitsuba.plan import plan, reflected
 from drcmitsuba.rendering import stored_view
 from drcmitsuba.rendering.coefficient_pictures import coefficient_pictures
 from drcmitsuba.rendering.hour import luminance
-from drcmitsuba.rendering.light_paths import Sampling, TracedView, trace, untraced
+from drcmitsuba.rendering.light_paths import Sampling, TracedView, trace
 from drcmitsuba.rendering.outside import OutsideLuminances
 from drcmitsuba.rendering.rendering import Rendering, Source, file_name
+from drcmitsuba.rendering.view_colours import ViewBands, ViewColours
+from drcmitsuba.rendering.view_parts import LOOKS, ViewFrame, ViewPart, traced
 from drcmitsuba.runtime import backend, storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, Stage, part, silent
@@ -42,10 +41,6 @@ from drcmitsuba.sky.period import NOMINAL_YEAR
 
 Size = int | tuple[int, int]
 """Number of columns, or of columns and rows, of a picture."""
-MOST_MEMORY = 3 << 30
-"""Largest size of light paths in memory [bytes]."""
-LOOKS = 4
-"""Number of looks at panes for each surface that light paths are reckoned with."""
 COLUMNS = 512
 """Number of columns of a picture unless another is given."""
 _INSTANT = re.compile(r"(?:\d{4}-)?(\d\d-\d\d)[T ](\d\d:\d\d(?::\d\d)?)", re.ASCII)
@@ -62,7 +57,9 @@ class PreparedView:
     state: State
     """State of the façade."""
     channels: tuple[TracedView, ...]
-    """Light paths in every colour channel."""
+    """Light paths in every colour channel, or by luminance."""
+    colours: ViewColours | None = None
+    """Light paths in bands, of a case that has them."""
 
     def at(self, time: str | np.datetime64, source: Source = "all") -> Rendering:
         """Picture at an instant, without tracing again.
@@ -86,7 +83,7 @@ class PreparedView:
         """
         instant = instant_of(time) if isinstance(time, str) else time
         light = daylight(self.case, np.array([instant]))
-        outside = OutsideLuminances.of(self.case, light, 0)
+        of_all = outside = OutsideLuminances.of(self.case, light, 0)
         sky = light.sky["sky"].values[0]
         if source == "sky":
             outside = outside.without_sun()
@@ -94,7 +91,7 @@ class PreparedView:
             outside, sky = outside.without_sky(), np.zeros_like(sky)
         elif source != "all":
             raise InputError("picture", "source", repr(source), "give all, sky or sun")
-        shown = [luminance(traced, outside, sky) for traced in self.channels]
+        shown = [luminance(view, outside, sky) for view in self.channels]
         names = ("mean", "error", "disk")
         mean, error, disk = (np.stack([getattr(one, name) for one in shown]) for name in names)
         weights = np.array([*LUMINANCE_WEIGHTS.values()], np.float32)
@@ -102,6 +99,9 @@ class PreparedView:
         if coloured:  # the channels share their random numbers
             error, disk = (np.tensordot(weights, v, 1)[None] for v in (error, disk))
         rgb = np.moveaxis(mean if coloured else np.repeat(mean, 3, axis=0), 0, -1)
+        if self.colours is not None:
+            coloured = True
+            rgb = self.colours.rgb(mean[0], light, of_all, sky=source != "sun", sun=source != "sky")
         date = str(instant.astype("datetime64[s]"))
         picture = Picture(
             np.ascontiguousarray(rgb), self.view, BT709 if coloured else RADIANCE,
@@ -115,12 +115,14 @@ class PreparedView:
 
     @property
     def nbytes(self) -> int:
-        """Size of the light paths [bytes], at most."""
+        """Size of the light paths by channel [bytes], at most."""
         one = self.channels[0]
         return one.sampling.nbytes(LOOKS) * one.rows * one.columns * len(self.channels)
 
     def again(self, seed: int, folder: Path | None = None) -> PreparedView:
         """Trace the same view with other random numbers, the light on its surfaces, too.
+
+        Bands, which tell the chromaticity alone, stay as they are.
 
         Parameters
         ----------
@@ -140,12 +142,14 @@ class PreparedView:
                 here = folder / f"channel_{i}"
                 here.mkdir()
                 keep = partial(stored_view.save_paths, folder=here)
-            traced = trace(
+            again = trace(
                 one.scene, one.view, one.rows, one.columns, sampling=one.sampling,
                 accuracy=base.accuracy.model_copy(update={"seed": seed}),
                 subdivision=self.case.sky.subdivision, diameter=base.diameter, keep=keep,
             )  # fmt: skip
-            channels.append(traced if here is None else stored_view.with_tiles_of(traced, here))
+            if here is not None:
+                (again,) = stored_view.with_tiles_of([again], [here])
+            channels.append(again)
         return replace(self, channels=tuple(channels))
 
     def save_bins(self, folder: str | Path, done: Progress = lambda share: None) -> list[Path]:
@@ -165,19 +169,19 @@ class PreparedView:
         """
         colours = list(LUMINANCE_WEIGHTS) if len(self.channels) > 1 else [""]
         paths = []
-        for i, (colour, traced) in enumerate(zip(colours, self.channels, strict=True)):
+        for i, (colour, one) in enumerate(zip(colours, self.channels, strict=True)):
             share = part(done, i / len(colours), (i + 1) / len(colours))
             name = f"{file_name(self.name)}_bins{'_' if colour else ''}{colour}.zarr"
-            storage.save_zarr(_told(traced, share), Path(folder) / name, along="row")
+            storage.save_zarr(_told(one, share), Path(folder) / name, along="row")
             paths.append(Path(folder) / name)
         return paths
 
 
-def _told(traced: TracedView, done: Progress) -> Iterator[xr.Dataset]:
+def _told(view: TracedView, done: Progress) -> Iterator[xr.Dataset]:
     """Coefficient pictures, and the share that is written so far."""
-    for rows in coefficient_pictures(traced):
+    for rows in coefficient_pictures(view):
         yield rows
-        done((int(rows["row"][-1]) + 1) / traced.rows)
+        done((int(rows["row"][-1]) + 1) / view.rows)
 
 
 def instant_of(text: str) -> np.datetime64:
@@ -255,9 +259,11 @@ def _effects(case: Case, pixels: int) -> EnabledEffects:
     scope = planned.scope
     solved = reflected.solved_cells(planned.facts, scope.depth, pixels)
     solved = solved.decided("solved_cells", case.effects.solved_cells)
+    channels = False if case.colour.wavelengths else scope.channels  # bands have the colour
     return replace(
-        scope, sky=True, suns=True, shade=True, solved_cells=solved.on and scope.depth != 0
-    )
+        scope, sky=True, suns=True, shade=True, solved_cells=solved.on and scope.depth != 0,
+        channels=channels,
+    )  # fmt: skip
 
 
 def prepare(
@@ -305,72 +311,30 @@ def prepare(
     stated = {
         "case": fingerprint(case, effects), "view": shown.options(), "rows": rows,
         "columns": columns, "state": state, "seed": case.accuracy.seed,
-        "sampling": asdict(sampling), "format": stored_view.FORMAT, "program": program(),
+        "format": stored_view.FORMAT, "program": program(),
     }  # fmt: skip
     path = None if folder is None else Path(folder) / f"{_kept_name(name, state)}_light_paths"
-    turned, channels = _in_the_scene(case, shown), scene.channels_of(case, effects)
-    parts, traced = [f"channel_{max(0, channel)}" for channel in channels], []
-    numbers: dict[str, Any] = {
-        "sampling": sampling, "accuracy": case.accuracy, "subdivision": case.sky.subdivision,
-        "diameter": case.outside.sun_diameter,
-    }  # fmt: skip
-    known = path is not None and all(stored_view.is_of(path / part, stated) for part in parts)
-    worlds = [scene.load(case, state, channel, effects) for channel in channels]
-    if not known:
-        _refuse_size(sampling.nbytes(LOOKS) * rows * columns * len(channels), path)
-    older = path is not None and stored_view.is_of_another_program(path / parts[0], stated)
-    rays = "rays, again: those stored are of another version" if older else "rays"
-    with stage(rays) as done, _made(None if known else path) as made:
-        for i, (world, name_of_part) in enumerate(zip(worlds, parts, strict=True)):
-            share = part(done, i / len(channels), (i + 1) / len(channels))
-            one = untraced(world, turned, rows, columns, **numbers)
-            if known and path is not None:
-                light = stored_view.load_cells(one.light, path / name_of_part)
-                one = replace(one, light=light)
-            elif made is None:
-                one = trace(world, turned, rows, columns, **numbers, progress=share)
-            else:
-                here = made / name_of_part
-                here.mkdir(parents=True)
-                keep = partial(stored_view.save_paths, folder=here)
-                one = trace(world, turned, rows, columns, **numbers, progress=share, keep=keep)
-                stored_view.save_cells(one.light, here, stated)
-            traced.append(one)
-    if path is not None:
-        traced = [
-            stored_view.with_tiles_of(one, path / name_of_part)
-            for one, name_of_part in zip(traced, parts, strict=True)
-        ]
-    return PreparedView(case, name, shown, state, tuple(traced))
+    frame = ViewFrame(
+        _in_the_scene(case, shown), rows, columns, case.sky.subdivision, case.outside.sun_diameter
+    )
+    parts = [
+        ViewPart(
+            f"channel_{max(0, channel)}", scene.load(case, state, channel, effects), sampling,
+            case.accuracy,
+        )
+        for channel in scene.channels_of(case, effects)
+    ]  # fmt: skip
+    bands, channels = ViewBands.of(case, state), len(parts)
+    if bands is not None:
+        parts += bands.parts(state, effects, sampling)
+    views = traced(frame, parts, stated, path, stage)
+    colours = None if bands is None else ViewColours(bands, views[channels:])
+    return PreparedView(case, name, shown, state, views[:channels], colours)
 
 
 def _kept_name(view: str, state: State) -> str:
     """Part of a folder's name for a view in a state of the façade."""
     return file_name(view if state == OPEN else f"{view}_{state}")
-
-
-def _refuse_size(size: int, path: Path | None) -> None:
-    """Refuse light paths that may not fit in memory, or on the disk."""
-    if path is None:
-        if size > MOST_MEMORY:
-            got = f"up to {size / 1e6:.0f} MB in memory"
-            raise InputError("picture", "size", got, "give a folder for the light paths")
-        return
-    there = next(p for p in path.absolute().parents if p.exists())
-    free = shutil.disk_usage(there).free
-    if size > free:
-        got = f"up to {size / 1e6:.0f} MB of light paths, {free / 1e6:.0f} MB on the disk"
-        raise InputError(path, "size", got, "give a smaller size, or another folder")
-
-
-@contextmanager
-def _made(path: Path | None) -> Iterator[Path | None]:
-    """Folder that takes the place of `path` where the block ends without an error."""
-    if path is None:
-        yield None
-        return
-    with storage.whole(path) as temporary:
-        yield temporary
 
 
 def _in_the_scene(case: Case, view: PictureView) -> PictureView:

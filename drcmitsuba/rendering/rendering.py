@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from io import BytesIO
@@ -16,6 +17,7 @@ from drcmitsuba.case.groups import OPEN, State
 from drcmitsuba.picture import exr, hdr, tone
 from drcmitsuba.picture.false_colour import false_colour, save_png
 from drcmitsuba.picture.picture import Picture
+from drcmitsuba.picture.screen import SRGB, Screen, Shown
 from drcmitsuba.report import style
 from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.errors import InputError
@@ -30,6 +32,11 @@ Scale = tuple[float, float]
 
 Source = Literal["all", "sky", "sun"]
 """Light of a picture: of sky and sun, of the sky and the ground alone, or of the sun alone."""
+
+NEGLIGIBLE = 1e-3
+"""Share of a pixel's luminance below which a negative channel is no matter [–]."""
+NAMES = {"srgb": "sRGB", "display-p3": "Display P3"}
+"""Names of the spaces of screens."""
 
 
 def check_scale(scale: Scale | None, tone: Tone) -> None:
@@ -105,7 +112,8 @@ class Rendering:
 
     def save(
         self, folder: str | Path, tone: Tone = "human", pixels: Literal["float", "half"] = "float",
-        scale: Scale | None = None,
+        scale: Scale | None = None, screen: Screen = SRGB,
+        remark: Callable[[str], None] = lambda text: None,
     ) -> list[Path]:  # fmt: skip
         """Write the picture as `.exr` with its error, `.hdr` and `.png`, each whole or not at all.
 
@@ -120,6 +128,10 @@ class Rendering:
         scale : tuple of two float, optional
             Luminances [cd/m²] at the ends of the false colours; an exposure shows the second as
             white. By default they follow from each picture.
+        screen : Screen
+            Space of the colours of a PNG that is not in false ones, and what it shows as white.
+        remark : callable
+            Takes remarks on colours that a file cannot hold, and on its white.
 
         Returns
         -------
@@ -137,12 +149,17 @@ class Rendering:
         files = [folder / f"{self.name}{ending}" for ending in (".exr", ".hdr", png)]
         exr.save(self.picture, files[0], pixels, self.error)
         hdr.save(self.picture, files[1])
-        if tone == "false" and not self.is_dark:
+        if self.is_dark:
+            save_png(np.zeros(self.picture.rgb.shape, np.uint8), files[2], screen)
+        elif tone == "false":
             least, most = scale or (None, None)
             drawn = false_colour(self.picture, least=least, most=most, title=self._title)
             style.save(drawn, files[2])
         else:
-            save_png(self._shown(tone, None if scale is None else scale[1]), files[2])
+            shown = self._shown(tone, None if scale is None else scale[1], screen)
+            save_png(shown.pixels, files[2], screen)
+            for text in self._remarks(shown, screen):
+                remark(text)
         return files
 
     @property
@@ -152,16 +169,35 @@ class Rendering:
         source = "" if self.source == "all" else f", {self.source} alone"
         return f"{self.case}, {self.view}, {when}{facade}{source}"
 
-    def _shown(self, how: Tone, white: float | None = None) -> np.ndarray:
-        """Pixels of a screen (row, column, 3)."""
-        if self.is_dark:
-            return np.zeros(self.picture.rgb.shape, np.uint8)
-        return tone.exposed(self.picture, white) if how == "exposure" else tone.human(self.picture)
+    def _shown(self, how: Tone, white: float | None, screen: Screen) -> Shown:
+        """The picture, which is not dark, on a screen."""
+        by_eye = how != "exposure"
+        relative = tone.brightness(self.picture) if by_eye else tone.exposure(self.picture, white)
+        return screen.show(self.picture, relative)
+
+    def _remarks(self, shown: Shown, screen: Screen) -> Iterator[str]:
+        """Remarks on colours that the files cannot hold, and on the white of the screen."""
+        when = str(self.time.astype("datetime64[m]"))[5:].replace("T", " ")
+        lowest, L = self.picture.rgb.min(axis=-1), self.picture.luminance
+        below = (lowest < -NEGLIGIBLE * L) & (L > 0)
+        if below.any():
+            most = float((-lowest[below] / L[below]).max())
+            share = f"{100 * below.mean():.2g} % of the pixels are too colourful for BT.709"
+            yield f"{when}: {share}; .hdr has 0 for channels down to {-100 * most:.2g} % of L"
+        if shown.moved > 0:
+            share = f"{100 * shown.moved:.2g} % of the pixels are too bright or too colourful"
+            yield f"{when}: {share} for {NAMES[screen.space]}; .png has them closer to grey"
+        if screen.white != "daylight":
+            x, y = shown.white
+            yield f"{when}: .png shows light of x {x:.3f}, y {y:.3f} as white"
 
     def _repr_png_(self) -> bytes:
         """Picture as the eye would see it."""
+        pixels = np.zeros(self.picture.rgb.shape, np.uint8)
+        if not self.is_dark:
+            pixels = tone.human(self.picture)
         stream = BytesIO()
-        images.imsave(stream, self._shown("human"), format="png")
+        images.imsave(stream, pixels, format="png", pil_kwargs=SRGB.of_png)
         return stream.getvalue()
 
     def __repr__(self) -> str:

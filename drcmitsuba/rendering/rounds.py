@@ -15,8 +15,9 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from drcmitsuba.case.accuracy import Target
-from drcmitsuba.rendering.prepared_view import MOST_MEMORY, PreparedView
+from drcmitsuba.rendering.prepared_view import PreparedView
 from drcmitsuba.rendering.rendering import Rendering, Source
+from drcmitsuba.rendering.view_parts import MOST_MEMORY
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.runtime.random_streams import Stream, case_seed

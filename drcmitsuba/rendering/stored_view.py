@@ -7,8 +7,9 @@ numbers: it takes as long as that of one hour's sun.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -131,13 +132,18 @@ def tiles(folder: Path) -> Iterator[PixelPaths]:
         yield _paths(part)
 
 
-def with_tiles_of(traced: TracedView, folder: Path) -> TracedView:
-    """Return a view whose light paths are read from a folder, once where they fit in memory."""
-    size = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
-    if size > KEPT // 2:
-        return replace(traced, tiles=lambda: tiles(folder))
-    kept = list(tiles(folder))
-    return replace(traced, tiles=lambda: iter(kept))
+def with_tiles_of(views: Sequence[TracedView], folders: Sequence[Path]) -> tuple[TracedView, ...]:
+    """Return views whose light paths are read from folders, once where all fit in memory."""
+    files = [file for folder in folders for file in folder.rglob("*") if file.is_file()]
+    if sum(file.stat().st_size for file in files) > KEPT // 2:
+        return tuple(
+            replace(view, tiles=partial(tiles, folder))
+            for view, folder in zip(views, folders, strict=True)
+        )
+    kept = [list(tiles(folder)) for folder in folders]
+    return tuple(
+        replace(view, tiles=partial(iter, paths)) for view, paths in zip(views, kept, strict=True)
+    )
 
 
 def load_cells(light: SurfaceLight, folder: Path) -> SurfaceLight:

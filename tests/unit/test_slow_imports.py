@@ -54,3 +54,9 @@ def test_the_sky_leaves_most_of_pvlib_alone():
 
 def test_the_report_draws_in_the_browser_and_imports_no_plots():
     assert imported("import drcmitsuba.report.document", ("matplotlib",)) == []
+
+
+def test_a_picture_on_a_screen_imports_no_spectra():
+    made = "picture.Picture(numpy.ones((2, 2, 3), 'float32'))"
+    start = "import numpy; from drcmitsuba import picture; from drcmitsuba.picture import tone"
+    assert imported(f"{start}; tone.human({made})", ("colour",)) == []

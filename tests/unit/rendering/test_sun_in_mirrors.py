@@ -182,7 +182,7 @@ def test_light_paths_on_disk_give_the_same_picture(tmp_path):
     traced, _ = seen(*surfaces, size=24, angle=60.0)
     for paths in traced.tiles():
         save_paths(paths, tmp_path)
-    kept = with_tiles_of(traced, tmp_path)
+    (kept,) = with_tiles_of([traced], [tmp_path])
     both = [replicates(one, OUTSIDE, DARK) for one in (traced, kept)]
     assert both[0].max() > 0
     assert np.allclose(*both, rtol=1e-6)
