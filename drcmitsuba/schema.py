@@ -42,6 +42,10 @@ VARIABLES: dict[str, tuple[str, str]] = {
     "s_cone_opic": ("lx", "S-cone-opic equivalent daylight illuminance"),
     "m_cone_opic": ("lx", "M-cone-opic equivalent daylight illuminance"),
     "l_cone_opic": ("lx", "L-cone-opic equivalent daylight illuminance"),
+    "chromaticity_x": ("1", "chromaticity x, CIE 1931"),
+    "chromaticity_y": ("1", "chromaticity y, CIE 1931"),
+    "spectrum": ("1", "mean light by wavelength, per that of D65 of the same illuminance"),
+    "wavelength": ("nm", "wavelength"),
     "cct": ("K", "correlated colour temperature"),
     "duv": ("1", "distance from the Planckian locus in CIE 1960 u, v; above it positive"),
     "rhodopic": ("lx", "rhodopic equivalent daylight illuminance"),
@@ -111,10 +115,10 @@ def describe(data: xr.Dataset) -> xr.Dataset:
     Dates have their unit from the file format, and truth values have none.
     """
     for name, variable in data.variables.items():
-        base = str(name).removesuffix("_se")
+        error = "standard error of: " if str(name).endswith("_se") else ""
+        base = str(name).removesuffix("_se").removesuffix("_at_views")
         if base in VARIABLES and not (name == "sun" and "sun" in data.dims):
             unit, long_name = VARIABLES[base]
-            error = "standard error of: " if base != name else ""
             units = {"units": unit} if unit else {}
             variable.attrs.update(units, long_name=error + long_name)
     return data

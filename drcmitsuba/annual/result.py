@@ -309,15 +309,16 @@ def _whole(begun: _BegunEvaluation, known: xr.Dataset | None) -> Result:
             planned.simulated, light, coefficients, evaluated, run
         )
     planned = planned.summed() if VARYING in coefficients.others else planned
-    spectral, remarks = None, begun.remarks
-    if case.colour.wavelengths:
+    spectral = None
+    if case.colour.wavelengths and planned.effects["colour"].on:
         E = evaluated.illuminance
         taken = FacadeStates.of(coefficients.attrs, direct_sun(coefficients, light.sky))
         spectral = spectral_year(case, light, E, taken, run)
         numbers = melanopic_metrics(spectral, E, case.colour.melanopic_threshold, light.step_hours)
         evaluated = replace(evaluated, metrics=evaluated.metrics | {"melanopic": numbers})
-        remarks = [*remarks, *spectral.attrs["notes"].splitlines()]
-    result = summed_up(planned, coefficients, evaluated, run, remarks, outcome, begun.expected)
+    result = summed_up(
+        planned, coefficients, evaluated, run, begun.remarks, outcome, begun.expected
+    )
     return replace(result, daylight=light, spectral=spectral)
 
 

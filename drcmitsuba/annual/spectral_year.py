@@ -39,7 +39,6 @@ from drcmitsuba.runtime.random_streams import Stream, case_seed
 from drcmitsuba.scene.geometry import origin, rotation
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.scene import Tint, untinted
-from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.luminances import sources
 
@@ -199,10 +198,10 @@ def spectral_year(
     -------
     xr.Dataset
         Dims (time, sensor): `melanopic` and `melanopic_se`, `s_cone_opic`, `m_cone_opic`,
-        `l_cone_opic`, `rhodopic`, all equivalent daylight illuminances [lx]; chromaticity `x`, `y`
-        (CIE 1931), `cct` [K] and `duv` [–]. Dims (wavelength, sensor): `spectrum`, mean light of
-        the time stamps per that of D65. With views the same, and their `illuminance`, with
-        `_at_views` in the name and dims (time, view), (wavelength, view).
+        `l_cone_opic`, `rhodopic`, all equivalent daylight illuminances [lx]; `chromaticity_x`,
+        `chromaticity_y` (CIE 1931), `cct` [K] and `duv` [–]. Dims (wavelength, sensor): `spectrum`,
+        mean light of the time stamps per that of D65. With views the same, and their
+        `illuminance`, with `_at_views` in the name and dims (time, view), (wavelength, view).
 
     Raises
     ------
@@ -215,9 +214,6 @@ def spectral_year(
         raise InputError(case.source, "colour.bands", got, remedy)
     bands = Bands.of(case.colour.wavelengths)
     tints = Tints(case, bands)
-    every = (surface for state in taken.states for surface in surfaces_of(case, state))
-    surfaces = {surface.name: surface.material for surface in every}
-    tints.check(surfaces)
     with run.timed("spectra of the sky"):
         spectra = SourceSpectra.of(case, light.alone(), bands)
     seed = case_seed(run.seed, Stream.COLOUR)
@@ -240,10 +236,13 @@ def spectral_year(
     eyes = _eyes(case)
     if len(eyes[0]):
         out = out.merge(_at_views(of_band, run, *eyes))
-    out = out.assign_coords(time=light.sky["time"], wavelength=list(bands.wavelengths))
+    of_sensors = {str(k): c.variable for k, c in E.coords.items() if c.dims == ("sensor",)}
+    out = out.assign_coords(
+        time=light.sky["time"], wavelength=("wavelength", list(bands.wavelengths)), **of_sensors
+    )
     out.attrs = {
         "interval_factor": E.attrs["interval_factor"], "sky_colour": str(case.colour.sky),
-        "sun_colour": str(case.colour.sun), "notes": "\n".join(tints.notes(surfaces)),
+        "sun_colour": str(case.colour.sun),
     }  # fmt: skip
     return schema.describe(out)
 
@@ -292,13 +291,14 @@ def _arrays(seen: _Responses, total: np.ndarray, error: np.ndarray, dim: str) ->
     tristimulus = np.stack([X, Y, Z]) * white[:, None, None]
     whole = np.maximum(tristimulus.sum(axis=0), 1e-12)
     x, y = (part / whole for part in tristimulus[:2])
-    cct, duv = temperatures(x, y)
+    dark = ~(total > 0)  # light has no colour there
+    cct, duv = temperatures(np.where(dark, 0, x), np.where(dark, 0, y))
     arrays = {
         "melanopic": total * ratio,
         "melanopic_se": np.hypot(total * of_ratio, error * ratio),
         **{name: total * seen.per_luminance(name) for name in ALPHA_OPIC if name != "melanopic"},
-        "x": x,
-        "y": y,
+        "chromaticity_x": x,
+        "chromaticity_y": y,
         "cct": cct,
         "duv": duv,
     }

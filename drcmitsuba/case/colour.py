@@ -5,11 +5,23 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
+from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import Illuminance, Name, Table
 
 Bands = Literal["auto", "luminance", "rgb", 9, 27]
+
+
+def _refuse_other_temperatures(value: object) -> object:
+    """Refuse a number that is no temperature of a phase of daylight."""
+    if isinstance(value, int | float) and not 4000 <= value <= 25_000:
+        remedy = "give 4000 to 25000 K, the phases of daylight, or a file"
+        raise InputError("case", "", f"got {value:g}", remedy)
+    return value
+
+
+_OfPhases = BeforeValidator(_refuse_other_temperatures)
 Temperature = Annotated[float, Field(ge=4000, le=25_000)]
 """Correlated colour temperature of a phase of daylight [K]."""
 
@@ -36,10 +48,10 @@ class Colour(Table):
     bands: Bands = "auto"
     """Number of bands [–]: "auto", three where a reflectance is coloured; "luminance"; "rgb"; 9 or
     27 wavelengths, by which melanopic light and colour at sensors and views are computed."""
-    sky: Literal["chain", "takagi"] | Temperature | Path = "chain"
+    sky: Annotated[Literal["chain", "takagi"] | Temperature | Path, _OfPhases] = "chain"
     """Colour temperature of the sky's patches, by a model of their luminance or one for all [K]; or
     a file of the sky's spectrum."""
-    sun: Literal["spectrl2"] | Temperature | Path = "spectrl2"
+    sun: Annotated[Literal["spectrl2"] | Temperature | Path, _OfPhases] = "spectrl2"
     """Spectrum of the sun: Bird's by air mass and turbidity, a phase of daylight [K], or a file."""
     spectra: Annotated[dict[Name, Tint], Field(max_length=1000)] = Field(default_factory=dict)
     """Spectra by name of a surface (floor, ceiling, walls, ground, furniture, a layer of the

@@ -32,7 +32,7 @@ EVERY = 100.0 - 1e-9
 
 
 @dataclass(frozen=True)
-class Rule:
+class MorningRule:
     """Rule that asks for melanopic light at an eye on every day, for `LONG` hours by noon."""
 
     title: str
@@ -43,8 +43,12 @@ class Rule:
 
 
 RULES = (
-    Rule("WELL v2 L03, 1 point", 136.0, "WELL v2, L03, as consultants quote it", "second-hand"),
-    Rule("WELL v2 L03, 3 points", 250.0, "WELL v2, L03, as consultants quote it", "second-hand"),
+    MorningRule(
+        "WELL v2 L03, 1 point", 136.0, "WELL v2, L03, as consultants quote it", "second-hand"
+    ),
+    MorningRule(
+        "WELL v2 L03, 3 points", 250.0, "WELL v2, L03, as consultants quote it", "second-hand"
+    ),
 )
 """Rules whose verdicts every view has."""
 
@@ -111,7 +115,7 @@ def melanopic_metrics(
     return out | {"views": views}
 
 
-def _verdict(rule: Rule, days: dict[str, float]) -> dict[str, Any]:
+def _verdict(rule: MorningRule, days: dict[str, float]) -> dict[str, Any]:
     """Verdict on a rule from the share of days that meet it."""
     met = "yes" if days["low"] >= EVERY else "no" if days["high"] < EVERY else "open"
     about = {"threshold": rule.threshold, "source": rule.source, "sure": rule.sure}

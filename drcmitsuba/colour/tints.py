@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -31,7 +31,29 @@ from drcmitsuba.schema import LUMINANCE_WEIGHTS
 
 MOST_NAMES = 12
 """Largest number of surfaces that a note names."""
+APART = 0.05
+"""Difference of a spectrum's luminance from the stated one that a note tells [–]."""
 SIDES = ("south", "east", "north", "west")
+
+
+class TintedSurface(Protocol):
+    """Surface, as `scene.geometry` has it."""
+
+    @property
+    def name(self) -> str:
+        """Name of its front."""
+
+    @property
+    def behind(self) -> str:
+        """Name of its back, where that has another one."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of its sides."""
+
+    @property
+    def material(self) -> SurfaceMaterial:
+        """Material of both sides."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +65,10 @@ class _Shape:
     """Case file and its key."""
     values: np.ndarray
     """Transmittance or reflectance; of some panes the reflectances of front and back [–]."""
+    wavelength: float
+    """Wavelength of the band [nm]."""
+    largest: float
+    """Largest of these amounts in any band [–]."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +99,16 @@ class Tints:
         return {name: values.tolist() for name, values in self._shapes.items()}
 
     @cached_property
+    def _luminances(self) -> dict[str, float]:
+        """Luminance of each named spectrum under D65, as it is given [–]."""
+        photopic, case = self.bands.weights("Y"), self.case
+        every = {
+            name: spectrum_of(tint, self.bands, case.source, f"colour.spectra.{name}")
+            for name, tint in case.colour.spectra.items()
+        }
+        return {name: float(photopic @ s.at(self.bands)) for name, s in every.items()}
+
+    @cached_property
     def _names(self) -> dict[int, str]:
         """Names of the case's materials, by the objects."""
         return {id(material): name for name, material in self.case.materials.items()}
@@ -82,38 +118,69 @@ class Tints:
         """Weights of a film's red, green and blue in each band, (band, 3)."""
         return smooth_mixes(self.bands)
 
-    def check(self, surfaces: Iterable[str]) -> None:
-        """Read all spectra, and raise InputError for one whose name no surface has.
+    def check(self, surfaces: Iterable[TintedSurface]) -> list[str]:
+        """Read all spectra, and find what surfaces take in all bands.
 
-        `surfaces` are the names of all surfaces in any state of the façade.
+        Parameters
+        ----------
+        surfaces : iterable of Surface
+            Surfaces in all states of the façade.
+
+        Returns
+        -------
+        list of str
+            Sentences on the spectra that light has, on amounts that differ from those of spectra,
+            and on the surfaces that are grey.
+
+        Raises
+        ------
+        InputError
+            A file is unfit, no surface has the name of a spectrum, or a surface would send on more
+            than all light.
         """
-        known = {alias for name in surfaces for alias in _aliases(name)}
+        every = {name: surface for surface in surfaces for name in surface.names}
+        known = {alias for name in every for alias in _aliases(name)}
         known |= {"ground", *self.case.materials}
         for name in self._shapes:
             if name not in known:
                 raise self._error(name, "no surface of this name", choose(name, sorted(known)))
+        for surface in every.values():
+            for band in range(len(self.bands)):
+                self.of(band, surface)
+        return [*self._of_sources(), *self._amounts(every), *self._greys(every)]
 
-    def notes(self, surfaces: Mapping[str, SurfaceMaterial]) -> list[str]:
-        """Sentences on the spectra that light has, and on the surfaces that are grey."""
-        told, case = self.case.colour, self.case
-        kinds = {str: "{}", float: "{:g} K"}
-        sky, sun = (kinds.get(type(v), "{}").format(v) for v in (told.sky, told.sun))
-        films = {n for n, m in case.materials.items() if isinstance(m, BsdfMaterial)}
-        named = self._shapes.keys() | films
-        grey = (n for n, m in surfaces.items() if not (named & {*_aliases(n)} or _has_rgb(m)))
-        bare = sorted({_aliases(name)[-1] for name in grey})
-        out = [f"colour: the sky's spectrum by {sky}, the sun's by {sun}"]
-        if bare:
-            words = ", ".join(bare[:MOST_NAMES]) + (", …" if len(bare) > MOST_NAMES else "")
-            out.append(f"colour: {words}: grey, without a spectrum")
-        return out
+    def _of_sources(self) -> list[str]:
+        told = self.case.colour
+        sky, sun = (f"{v:g} K" if isinstance(v, float) else v for v in (told.sky, told.sun))
+        return [f"colour: the sky's spectrum by {sky}, the sun's by {sun}"]
+
+    def _amounts(self, every: Mapping[str, TintedSurface]) -> list[str]:
+        """Notes on surfaces whose spectrum has another luminance than the case states."""
+        out = []
+        for name, surface in every.items():
+            spectrum, stated = self._named(surface, name), _amount(surface, name)
+            if spectrum is None or stated is None:
+                continue
+            its = self._luminances[spectrum]
+            if abs(its - stated) > APART:
+                told = f"{stated:g} as the case states, not the {its:.2f} of its spectrum"
+                out.append(f"colour: {name}: {told}")
+        return out[:MOST_NAMES]
+
+    def _greys(self, every: Mapping[str, TintedSurface]) -> list[str]:
+        """Note on the surfaces that are grey, for lack of a spectrum."""
+        bare = sorted(
+            {_aliases(n)[-1] for n, s in every.items() if self._named(s, n) is None and _is_grey(s)}
+        )
+        words = ", ".join(bare[:MOST_NAMES]) + (", …" if len(bare) > MOST_NAMES else "")
+        return [f"colour: {words}: grey, without a spectrum"] if bare else []
 
     def ground(self, band: int) -> float:
         """Reflectance of the ground in a band, per the one that the case states [–]."""
         shape = self._shapes.get("ground")
         return 1.0 if shape is None else float(shape[0, band])
 
-    def of(self, band: int, name: str, material: SurfaceMaterial) -> SurfaceMaterial:
+    def of(self, band: int, surface: TintedSurface) -> SurfaceMaterial:
         """Material of a surface in a band.
 
         Raises
@@ -121,10 +188,13 @@ class Tints:
         InputError
             More than all light would be sent on, or the material takes no spectrum.
         """
-        shape = self._shape(band, name, material)
+        material = surface.material
+        shape, behind = (self._shape(band, surface, name) for name in _both(surface.names))
         if isinstance(material, Lambertian):
             front, back = material.reflectance, material.behind
-            of_back = None if back is None else self._reflectance(back, shape, band)
+            of_back = None if back is None else self._reflectance(back, behind, band)
+            if back is None and surface.behind and behind is not shape:
+                of_back = self._reflectance(front, behind, band)
             return Lambertian(self._reflectance(front, shape, band), of_back, material.polish)
         if isinstance(material, PorousMaterial):
             value = self._reflectance(material.reflectance, shape, band)
@@ -133,18 +203,23 @@ class Tints:
             return self._film(material, shape, band)
         return material if shape is None else material.model_copy(update=_pane(material, shape))
 
-    def _shape(self, band: int, name: str, material: SurfaceMaterial) -> _Shape | None:
-        """Spectrum of a surface: that of its own name, or of its material's.
+    def _shape(self, band: int, surface: TintedSurface, name: str) -> _Shape | None:
+        """Spectrum of a side of a surface in a band."""
+        spectrum = self._named(surface, name)
+        if spectrum is None:
+            return None
+        shape = self._shapes[spectrum]
+        field, at = f"colour.spectra.{spectrum}", self.bands.wavelengths[band]
+        return _Shape(self.case.source, field, shape[:, band], at, float(shape[0].max()))
+
+    def _named(self, surface: TintedSurface, name: str) -> str | None:
+        """Name of the spectrum of a side: that of its own name, or of its material's.
 
         A shade that stands in a window's place does not take the window's.
         """
-        aliases, own = _aliases(name), self._names.get(id(material))
+        aliases, own = _aliases(name), self._names.get(id(surface.material))
         names = aliases if own is None or own in aliases else [own]
-        for each in names:
-            if each in self._shapes:
-                values = self._shapes[each][:, band]
-                return _Shape(self.case.source, f"colour.spectra.{each}", values)
-        return None
+        return next((each for each in names if each in self._shapes), None)
 
     def _reflectance(self, stated: Reflectance, shape: _Shape | None, band: int) -> float:
         """Diffuse reflectance in a band."""
@@ -169,11 +244,29 @@ class Tints:
         return InputError(self.case.source, f"colour.spectra.{name}", got, remedy)
 
 
-def _has_rgb(material: SurfaceMaterial) -> bool:
-    """Whether a surface has a colour by red, green and blue."""
+def _both(names: tuple[str, ...]) -> tuple[str, str]:
+    """Names of front and back."""
+    return names[0], names[-1]
+
+
+def _is_grey(surface: TintedSurface) -> bool:
+    """Whether a surface has no colour of its own, by red, green and blue or by its BSDF."""
+    material = surface.material
     if isinstance(material, Lambertian):
-        return any(isinstance(rho, tuple) for rho in material.sides)
-    return isinstance(getattr(material, "reflectance", None), tuple)
+        return not any(isinstance(rho, tuple) for rho in material.sides)
+    is_rgb = isinstance(getattr(material, "reflectance", None), tuple)
+    return not (is_rgb or isinstance(material, BsdfMaterial))
+
+
+def _amount(surface: TintedSurface, name: str) -> float | None:
+    """Luminance of a side as the case states it: what it reflects or, a pane, transmits."""
+    material = surface.material
+    if isinstance(material, Lambertian):
+        rho = material.sides[1] if name != surface.name else material.sides[0]
+        return None if isinstance(rho, tuple) else rho
+    if isinstance(material, GlazingMaterial):
+        return material.transmittance
+    return None
 
 
 def _aliases(name: str) -> list[str]:
@@ -189,10 +282,9 @@ def _scaled(stated: float, shape: _Shape, what: str) -> float:
     """Share of the light in a band; InputError where it is more than all."""
     value = stated * float(shape.values[0])
     if value > 1 + 1e-6:
-        got = f"a {what} of {stated:g} would be {value:.2f} in a band"
-        raise InputError(
-            shape.source, shape.field, got, f"lower the {what}, or take another spectrum"
-        )
+        got = f"a {what} of {stated:g} would be {value:.2f} at {shape.wavelength:g} nm"
+        remedy = f"at most {np.floor(100 / shape.largest) / 100:g} goes with this spectrum"
+        raise InputError(shape.source, shape.field, got, remedy)
     return min(value, 1.0)
 
 

@@ -271,7 +271,7 @@ def colour(facts: Facts) -> Effect:
     bands = facts.case.colour.bands
     if isinstance(bands, int):
         again = f"{bands} bands follow, which take {OF_A_BAND * (bands + 1):.1f} times its time"
-        return Effect(False, f"the year goes by luminance; {again}")
+        return Effect(True, f"the year goes by luminance; {again}")
     if bands == "luminance":
         return Effect(False, "[colour] asks for luminance")
     if bands == "rgb":

@@ -9,6 +9,8 @@ from typing import Any
 from drcmitsuba.bsdf import advice
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.model_case import notes_on_groups
+from drcmitsuba.colour.bands import Bands
+from drcmitsuba.colour.tints import Tints
 from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.plan import panes
 from drcmitsuba.scene.daylit import darkness_notes
@@ -16,6 +18,7 @@ from drcmitsuba.scene.leaks import crack_notes
 from drcmitsuba.scene.materials import film
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.spaces import box_and_note
+from drcmitsuba.scene.surfaces import surfaces_of
 
 MOST_LOST = 1e-3
 """Part of the photons' flux that may be lost without a note."""
@@ -69,12 +72,19 @@ def _target_notes(case: Case) -> list[str]:
     return [f'accuracy.target: "{goal}" is one of `glare`; an evaluation adds no rounds toward it']
 
 
+def colour_notes(case: Case) -> list[str]:
+    """Notes on spectra, which are read and checked; none without bands."""
+    if not case.colour.wavelengths:
+        return []
+    return Tints(case, Bands.of(case.colour.wavelengths)).check(surfaces_of(case))
+
+
 def notes(case: Case) -> list[str]:
     """Notes on the model, on the shade, and on films whose BSDF was scaled down."""
     of_groups = notes_on_groups(case.building, case.groups)
     remarks = [*case.building.notes, *of_groups, *shade_notes(case)]
     remarks += [*prepared(case).sensors.notes, *crack_notes(case), *darkness_notes(case)]
-    remarks += _target_notes(case)
+    remarks += [*_target_notes(case), *colour_notes(case)]
     if case.room is not None and (note := box_and_note(case)[1]):
         remarks.append(note)
     for name, material in panes.of(case, BsdfMaterial).items():

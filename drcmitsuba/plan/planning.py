@@ -163,6 +163,6 @@ def _scope(
         every_shade=forced("shaded_state"),
         depth=most,
         solved_cells=on("solved_cells") and most != 0,
-        channels=on("colour"),
+        channels=on("colour") and not facts.case.colour.wavelengths,
         pictures=on("pictures"),
     )

@@ -71,7 +71,7 @@ class ViewBands:
             return None
         bands = Bands.of(case.colour.wavelengths)
         tints = Tints(case, bands)
-        tints.check({surface.name for surface in surfaces_of(case, state)})
+        tints.check(surfaces_of(case, state))
         return cls(case, bands, tints)
 
     def parts(

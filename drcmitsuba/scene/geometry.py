@@ -32,7 +32,8 @@ class Surface:
     """Quadrilaterals of one material, shape (quad, 4, 3) [m], counter-clockwise from the front.
 
     A triangle repeats its last corner. `component` is the name of the surface's component, "" for
-    the room, its panes and furniture. The backs of a `closed` body face its inside.
+    the room, its panes and furniture. The backs of a `closed` body face its inside. `behind` names
+    the material on the back of a sheet, where it is another one.
     """
 
     name: str
@@ -40,6 +41,12 @@ class Surface:
     quads: np.ndarray
     component: str = ""
     closed: bool = False
+    behind: str = ""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of its sides."""
+        return (self.name, self.behind) if self.behind else (self.name,)
 
 
 @dataclass(frozen=True)

@@ -31,13 +31,13 @@ from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.surfaces import Enclosure, bounds_of_rooms, geometry_of
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 
-Tint = Callable[[str, SurfaceMaterial], SurfaceMaterial]
-"""Function that gives the material of a surface from its name and the material that it has."""
+Tint = Callable[[Surface], SurfaceMaterial]
+"""Function that gives the material that a surface takes, in a band of the spectrum for instance."""
 
 
-def untinted(name: str, material: SurfaceMaterial) -> SurfaceMaterial:
+def untinted(surface: Surface) -> SurfaceMaterial:
     """Material that a surface has."""
-    return material
+    return surface.material
 
 
 @dataclass(frozen=True)
@@ -156,7 +156,7 @@ def build(
     shapes = {}
     for (component, m, closed), group in groups.items():
         quads = np.concatenate([s.quads for s in group])
-        part = ScenePart(group[0].name, m, quads, component, closed, loaded(m, channel))
+        part = ScenePart(group[0].name, m, quads, component, closed, bsdf=loaded(m, channel))
         shapes[f"shape{len(parts)}"] = quad_mesh(part.name, quads, part.bsdf)
         parts.append(part)
     is_clear = [lets_through(part.material) for part in parts]
@@ -222,7 +222,7 @@ def load(
     groups : PaneGroups, optional
         Groups whose state it is; by default those of the case.
     tint : callable
-        Gives the material of a surface of a name, in a band of the spectrum for instance.
+        Gives the materials of the surfaces.
 
     Returns
     -------
@@ -234,7 +234,7 @@ def load(
         A component, a film or a piece of furniture is unfit.
     """
     surfaces, enclosure, ports = geometry_of(case, state, effects, groups)
-    surfaces = [replace(each, material=tint(each.name, each.material)) for each in surfaces]
+    surfaces = [replace(each, material=tint(each)) for each in surfaces]
     built = build(surfaces, channel, enclosure, ports)
     return replace(built, effects=effects, near=bounds_of_rooms(case), channel=channel)
 

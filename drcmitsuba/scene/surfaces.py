@@ -181,7 +181,8 @@ def _model_surfaces(case: Case, front: PanesInState) -> list[Surface]:
             is_grouped = group != NO_GROUP
             material = front.layer(layer, group) if is_grouped else front.rest(layer)
             if material is not None:
-                made.append(Surface(layer.name, material, quads[groups == group] - start))
+                mine = quads[groups == group] - start
+                made.append(Surface(layer.name, material, mine, behind=layer.behind))
     for layer in layers:
         index = front.index_of(layer.group)
         if index > 0 and front.follows_model(layer.group):

@@ -17,7 +17,7 @@ from drcmitsuba.colour.spectra import of_rgb
 from drcmitsuba.colour.tints import Tints
 from drcmitsuba.runtime.errors import InputError
 from tests import ROOT
-from tests.unit.colour.rooms import box
+from tests.unit.colour.rooms import box, surface
 
 SHADE = {
     "materials": {
@@ -42,7 +42,7 @@ def test_light_of_d65_stays_d65_in_a_grey_room(grey):
     for name in ("melanopic", "s_cone_opic", "m_cone_opic", "l_cone_opic", "rhodopic"):
         assert grey.spectral[name].values == pytest.approx(total, rel=1e-3)
     lit = total > 1
-    for name, expected in (("x", 0.3127), ("y", 0.3290)):
+    for name, expected in (("chromaticity_x", 0.3127), ("chromaticity_y", 0.3290)):
         assert grey.spectral[name].values[lit] == pytest.approx(expected, abs=3e-4)
     assert grey.spectral["cct"].values[lit] == pytest.approx(6504, abs=25)
     assert grey.spectral["duv"].values[lit] == pytest.approx(0.0032, abs=3e-4)
@@ -74,8 +74,8 @@ def in_band(case: Case, band: int) -> Case:
     from drcmitsuba.model.materials import Lambertian
 
     values = {
-        name: tints.of(band, surface, Lambertian(getattr(room, name))).reflectance
-        for name, surface in (("floor", "floor"), ("ceiling", "ceiling"), ("walls", "wall north"))
+        name: tints.of(band, surface(part, Lambertian(getattr(room, name)))).reflectance
+        for name, part in (("floor", "floor"), ("ceiling", "ceiling"), ("walls", "wall north"))
     }
     return case.with_tables(
         room=room.model_copy(update=values),

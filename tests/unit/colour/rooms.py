@@ -5,8 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.reading import case_from
+from drcmitsuba.model.materials import SurfaceMaterial
+from drcmitsuba.scene.geometry import Surface
+
+
+def surface(name: str, material: SurfaceMaterial, behind: str = "") -> Surface:
+    """Surface of any place."""
+    return Surface(name, material, np.zeros((0, 4, 3)), behind=behind)
 
 
 def box(**tables: Any) -> Case:

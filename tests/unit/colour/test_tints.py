@@ -15,7 +15,7 @@ from drcmitsuba.model.materials import (
     MirrorMaterial,
 )
 from drcmitsuba.runtime.errors import InputError
-from tests.unit.colour.rooms import box
+from tests.unit.colour.rooms import box, surface
 
 BANDS = Bands.of(9)
 Y = BANDS.weights("Y")
@@ -28,23 +28,28 @@ def tints(spectra, **tables) -> Tints:
 
 def test_a_reflectance_keeps_its_luminance_and_has_its_spectrum():
     made = tints({"walls": RED})
-    values = np.array([made.of(k, "wall north", Lambertian(0.4)).reflectance for k in range(9)])
+    values = np.array(
+        [made.of(k, surface("wall north", Lambertian(0.4))).reflectance for k in range(9)]
+    )
     assert Y @ values == pytest.approx(0.4)
     assert values[-1] > 1.5 * values[0]
-    assert made.of(0, "floor", Lambertian(0.4)).reflectance == 0.4
+    assert made.of(0, surface("floor", Lambertian(0.4))).reflectance == 0.4
 
 
 def test_a_name_finds_a_wall_of_one_side_before_all_walls():
     made = tints({"walls": RED, "wall east": (0.1, 0.1, 0.8)})
     east, west = (
-        made.of(0, f"wall {side}", Lambertian(0.1)).reflectance for side in ("east", "west")
+        made.of(0, surface(f"wall {side}", Lambertian(0.1))).reflectance
+        for side in ("east", "west")
     )
     assert east > 2 * west
 
 
 def test_rgb_of_the_case_needs_no_spectrum():
     made = tints({})
-    values = [made.of(k, "floor", Lambertian((0.5, 0.3, 0.1))).reflectance for k in range(9)]
+    values = [
+        made.of(k, surface("floor", Lambertian((0.5, 0.3, 0.1)))).reflectance for k in range(9)
+    ]
     assert Y @ values == pytest.approx(0.2126 * 0.5 + 0.7152 * 0.3 + 0.0722 * 0.1, rel=2e-3)
 
 
@@ -58,10 +63,10 @@ def test_a_window_takes_its_spectrum_and_the_shade_in_it_does_not():
     ).with_tables(colour=Colour(bands=9, spectra={"glass": (0.3, 0.6, 0.4)}))
     made = Tints(case, BANDS)
     glass, shade = case.materials["glass"], case.materials["shade"]
-    through = np.array([made.of(k, "glass south", glass).transmittance for k in range(9)])
+    through = np.array([made.of(k, surface("glass south", glass)).transmittance for k in range(9)])
     assert Y @ through == pytest.approx(0.6)
     assert through.std() > 0.05
-    assert made.of(0, "glass south", shade) is shade
+    assert made.of(0, surface("glass south", shade)) is shade
 
 
 @pytest.mark.parametrize(
@@ -73,7 +78,7 @@ def test_a_window_takes_its_spectrum_and_the_shade_in_it_does_not():
 )
 def test_other_materials_are_scaled(material):
     made = tints({"thing": RED})
-    of = made.of(8, "thing", material)
+    of = made.of(8, surface("thing", material))
     key = "reflectance" if isinstance(material, MirrorMaterial) else "transmittance"
     before, after = (np.ravel(getattr(m, key)) for m in (material, of))
     assert (after / before) == pytest.approx(np.full(len(before), (after / before)[0]))
@@ -93,9 +98,35 @@ def test_other_materials_are_scaled(material):
 )
 def test_what_cannot_be_is_refused(name, material, words):
     with pytest.raises(InputError, match=words):
-        tints({name: RED}).of(8, name, material)
+        tints({name: RED}).of(8, surface(name, material))
 
 
 def test_a_name_that_no_surface_has_is_refused_with_the_nearest():
     with pytest.raises(InputError, match="walls"):
-        tints({"wals": RED}).check(["floor", "wall south"])
+        tints({"wals": RED}).check(
+            [surface("floor", Lambertian(0.2)), surface("wall south", Lambertian(0.2))]
+        )
+
+
+def test_each_side_of_a_sheet_has_its_own_spectrum():
+    made = tints({"outside": RED, "ceiling": (0.2, 0.3, 0.5)})
+    sheet = surface("ceiling", Lambertian(0.4, 0.3), behind="outside")
+    front, back = np.array([made.of(k, sheet).sides for k in range(9)]).T
+    assert [Y @ front, Y @ back] == pytest.approx([0.4, 0.3])
+    assert front[0] > front[-1]
+    assert back[0] < back[-1]
+    alike = surface("ceiling", Lambertian(0.4), behind="outside")
+    assert made.of(8, alike).sides == pytest.approx((front[8], back[8] * 0.4 / 0.3))
+    one = surface("wall", Lambertian(0.4), behind="outside")
+    assert made.of(8, one).sides == pytest.approx((0.4, back[8] * 0.4 / 0.3))
+
+
+def test_notes_tell_of_greys_and_of_amounts_that_differ():
+    made = tints({"walls": RED})
+    notes = made.check(
+        [surface("wall south", Lambertian(0.1)), surface("floor", Lambertian((0.3, 0.2, 0.1))),
+         surface("slab", Lambertian(0.4), behind="soffit")]
+    )  # fmt: skip
+    assert notes[0] == "colour: the sky's spectrum by chain, the sun's by spectrl2"
+    assert "wall south: 0.1 as the case states, not the 0.34 of its spectrum" in notes[1]
+    assert notes[2] == "colour: slab, soffit: grey, without a spectrum"
