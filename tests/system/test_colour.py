@@ -79,7 +79,7 @@ def in_band(case: Case, band: int) -> Case:
     }
     return case.with_tables(
         room=room.model_copy(update=values),
-        materials={"glass": tints.of(band, "glass south", glass)},
+        materials={"glass": tints.of(band, surface("glass south", glass))},
         colour=Colour(),
     )
 

@@ -2,13 +2,12 @@
 
 import importlib.util
 import re
-from functools import reduce
+from pkgutil import resolve_name
 
 import pytest
 import typer
 from PIL import Image
 
-import drcmitsuba
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.shipped import shipped_cases, shipped_recipes
 from drcmitsuba.cli.main import app
@@ -46,8 +45,8 @@ def fault(span):
         return "" if match[2] in keys(table) else f"{match[1]} has {sorted(keys(table))}"
     if span.startswith("drcmitsuba."):
         try:
-            reduce(getattr, span.split(".")[1:], drcmitsuba)
-        except AttributeError as error:
+            resolve_name(span)
+        except (AttributeError, ImportError) as error:
             return str(error)
         return ""
     program, verb, *more = *span.split(), ""
