@@ -13,8 +13,7 @@ elements, controlled, lights
 glare, view_distances
     DGP of every view at every time stamp; how far points see beyond clear openings.
 
-The other rooms are imported when they are first asked for. Importing the package makes its Mitsuba
-plugins known to every JIT variant; it sets none.
+Other rooms are imported when asked for. Importing the package makes its Mitsuba plugins known.
 """
 
 from typing import TYPE_CHECKING

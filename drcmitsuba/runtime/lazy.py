@@ -15,7 +15,12 @@ class _Later(ModuleType):
     """Module that stands for another until a name of it is used."""
 
     def __getattr__(self, name: str) -> object:
-        return getattr(importlib.import_module(self.__name__), name)
+        if self.__name__ not in sys.modules:
+            import numpy as np
+
+            with np.printoptions():  # colour-science changes how NumPy prints
+                importlib.import_module(self.__name__)
+        return getattr(sys.modules[self.__name__], name)
 
 
 def module(name: str) -> ModuleType:

@@ -19,6 +19,7 @@ from drcmitsuba.case.reading import load_case
 from drcmitsuba.case.sensors import Sensors
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.enabled_effects import EnabledEffects
+from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.sky import daylight
 from drcmitsuba.sky.sun_models import Suns
@@ -119,4 +120,4 @@ class BenchRoom:
         if suns is not None:
             directions = mi.TensorXf(suns.directions.astype(np.float32))
             source = {"type": "sun_disks", "directions": directions, "diameter": suns.diameter}
-        return mi.load_dict({"type": "scene", **walls, "source": source}, optimize=False)
+        return mitsuba_scene({**walls, "source": source})

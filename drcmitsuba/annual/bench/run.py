@@ -122,7 +122,7 @@ class Bench:
 def machine() -> str:
     """Processor, cores, load, and versions on which the numbers depend."""
     info = Path("/proc/cpuinfo")
-    lines = info.read_text().splitlines() if info.is_file() else []
+    lines = info.read_text(encoding="utf-8").splitlines() if info.is_file() else []
     names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
     load = f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
     versions = [f"{name} {metadata.version(name)}" for name in ("drcmitsuba", "mitsuba", "drjit")]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-import colour
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from drcmitsuba.colour.bands import (
     GRID,
     TRISTIMULUS,
     Bands,
+    colour,
     d65,
     efficacy,
     responses,
@@ -88,3 +91,9 @@ def test_temperatures_of_chromaticities():
     assert cct[:3] == pytest.approx([4500, 6504, 12_000], rel=3e-3)
     assert (duv[:3] > 0.001).all()  # phases of daylight lie above the locus
     assert np.isnan([cct[3], duv[3]]).all()
+
+
+def test_numpy_prints_as_before_once_colour_science_is_imported():
+    code = "import numpy as np; from drcmitsuba.colour.bands import d65; d65(); print(np.ones(1))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[1.]\n"

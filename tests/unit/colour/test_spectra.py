@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import colour
 import numpy as np
 import pytest
 
 from drcmitsuba.case.colour import Lab
-from drcmitsuba.colour.bands import GRID, TRISTIMULUS, Bands, d65, responses
+from drcmitsuba.colour.bands import GRID, TRISTIMULUS, Bands, colour, d65, responses
 from drcmitsuba.colour.spectra import Spectrum, of_lab, of_rgb, read_spectrum, smooth_mixes
 from drcmitsuba.runtime.errors import InputError
 

@@ -2,11 +2,11 @@
 
 import io
 
-import colour
 import numpy as np
 import pytest
 from PIL import Image, ImageCms
 
+from drcmitsuba.colour.bands import colour
 from drcmitsuba.picture import Picture
 from drcmitsuba.picture.exr_header import BT709
 from drcmitsuba.picture.false_colour import save_png

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import colour
 import numpy as np
 import pytest
 
 from drcmitsuba import picture
 from drcmitsuba.case.colour import Colour
-from drcmitsuba.colour.bands import TRISTIMULUS, Bands
+from drcmitsuba.colour.bands import TRISTIMULUS, Bands, colour
 from drcmitsuba.colour.spectra import of_rgb
 from drcmitsuba.picture.exr_header import BT709
 from drcmitsuba.picture.picture import to_xyz
