@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -11,18 +12,33 @@ from drcmitsuba.runtime import lazy
 
 colour = lazy.module("colour")
 
+U, V = np.linspace(0.12, 0.36, 481), np.linspace(0.24, 0.42, 361)
+"""Coordinates of the table of temperatures [–]."""
+
 
 def temperatures(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Correlated colour temperature [K] and Duv [–] of chromaticities, after Robertson (1968).
 
-    Arrays have any one shape. It is within 2 K of Ohno's from 2000 to 7000 K, and far faster; the
-    dark, x = y = 0, has neither (NaN).
+    Arrays have any one shape. Values are interpolated in a table of CIE 1960 u, v; the dark,
+    x = y = 0, and colours far from any white have neither (NaN).
     """
+    from scipy.ndimage import map_coordinates
+
     dark = (x <= 0) | (y <= 0)
-    xy = np.stack([np.where(dark, 0.3127, x), np.where(dark, 0.3290, y)], axis=-1)
-    uv = colour.UCS_to_uv(colour.XYZ_to_UCS(colour.xy_to_XYZ(xy)))
+    d = np.where(dark, 1.0, -2 * x + 12 * y + 3)
+    place = [(4 * x / d - U[0]) / (U[1] - U[0]), (6 * y / d - V[0]) / (V[1] - V[0])]
+    mired, duv = (
+        map_coordinates(table, place, order=1, cval=np.nan, output=np.float32) for table in _by_uv()
+    )
+    return np.where(dark, np.nan, 1e6 / mired), np.where(dark, np.nan, duv)
+
+
+@lru_cache(maxsize=1)
+def _by_uv() -> tuple[np.ndarray, np.ndarray]:
+    """Reciprocal temperature [1/MK] and Duv [–] on a grid of CIE 1960 u, v."""
+    uv = np.stack(np.meshgrid(U, V, indexing="ij"), axis=-1)
     cct, duv = np.moveaxis(colour.temperature.uv_to_CCT_Robertson1968(uv), -1, 0)
-    return np.where(dark, np.nan, cct), np.where(dark, np.nan, duv)
+    return 1e6 / np.maximum(cct, 1.0), np.asarray(duv)
 
 
 class Appearance(NamedTuple):

@@ -31,6 +31,8 @@ from drcmitsuba.schema import LUMINANCE_WEIGHTS
 
 MOST_NAMES = 12
 """Largest number of surfaces that a note names."""
+BY_RGB = "by red, green and blue, of which a smooth spectrum is made"
+"""Words for surfaces whose case states a colour and no spectrum."""
 APART = 0.05
 """Difference of a spectrum's luminance from the stated one that a note tells [–]."""
 SIDES = ("south", "east", "north", "west")
@@ -168,12 +170,14 @@ class Tints:
         return out[:MOST_NAMES]
 
     def _greys(self, every: Mapping[str, TintedSurface]) -> list[str]:
-        """Note on the surfaces that are grey, for lack of a spectrum."""
-        bare = sorted(
-            {_aliases(n)[-1] for n, s in every.items() if self._named(s, n) is None and _is_grey(s)}
-        )
-        words = ", ".join(bare[:MOST_NAMES]) + (", …" if len(bare) > MOST_NAMES else "")
-        return [f"colour: {words}: grey, without a spectrum"] if bare else []
+        """Notes on the surfaces without a spectrum: grey ones, and those by red, green and blue."""
+        bare = {name: surface for name, surface in every.items() if not self._named(surface, name)}
+        out = []
+        for words, wanted in (("grey, without a spectrum", True), (BY_RGB, False)):
+            names = sorted({_aliases(n)[-1] for n, s in bare.items() if _is_grey(s) is wanted})
+            told = ", ".join(names[:MOST_NAMES]) + (", …" if len(names) > MOST_NAMES else "")
+            out += [f"colour: {told}: {words}"] if names else []
+        return out
 
     def ground(self, band: int) -> float:
         """Reflectance of the ground in a band, per the one that the case states [–]."""
@@ -249,13 +253,14 @@ def _both(names: tuple[str, ...]) -> tuple[str, str]:
     return names[0], names[-1]
 
 
-def _is_grey(surface: TintedSurface) -> bool:
-    """Whether a surface has no colour of its own, by red, green and blue or by its BSDF."""
+def _is_grey(surface: TintedSurface) -> bool | None:
+    """Whether a surface has no red, green and blue; None where its BSDF's file decides."""
     material = surface.material
+    if isinstance(material, BsdfMaterial):
+        return None
     if isinstance(material, Lambertian):
         return not any(isinstance(rho, tuple) for rho in material.sides)
-    is_rgb = isinstance(getattr(material, "reflectance", None), tuple)
-    return not (is_rgb or isinstance(material, BsdfMaterial))
+    return not isinstance(getattr(material, "reflectance", None), tuple)
 
 
 def _amount(surface: TintedSurface, name: str) -> float | None:

@@ -164,3 +164,33 @@ def test_a_tinted_film_in_a_grey_room_tints_all_light():
     E, M = result.illuminance["total"].values, result.spectral["melanopic"].values
     lit = 0.01 * E.max() < E
     assert M[lit] == pytest.approx(expected * E[lit], rel=2e-3)
+
+
+def test_a_white_furnace_stays_white_in_every_band():
+    """A white room open to a world of one luminance has this luminance everywhere: E = π L."""
+    white = {"size": [4.0, 4.0, 3.0], "floor": [1.0, 1.0, 1.0], "ceiling": 1.0, "walls": 1.0}
+    E = 10_000.0
+    case = box(
+        room=white,
+        facade={"south": {"strips": [{"bottom": 0.5, "top": 2.7, "material": "open"}],
+                          "frame_reflectance": 1.0}},
+        materials={},
+        sky={"model": "cie", "type": 5, "diffuse_horizontal_illuminance": E},
+        outside={"ground_reflectance": 1.0},
+        period={"months": [6], "hours": [12, 13]},
+        colour={"bands": 9, **D65, "spectra": {"walls": [1.0, 1.0, 1.0]}},
+    )  # fmt: skip
+    result = evaluate(case)
+    assert result.spectral is not None
+    sky, error = (result.illuminance[name].values[0] for name in ("sky_open", "sky_open_se"))
+    assert (np.abs(sky - E) < 5 * error).all()
+    assert sky.mean() == pytest.approx(E, rel=0.01)
+    light = result.spectral["spectrum"].values
+    assert light == pytest.approx(np.ones(light.shape), abs=1e-3)
+
+
+def test_three_channels_of_a_grey_room_are_its_luminance():
+    grey, rgb = (evaluate(box(colour={"bands": b})).illuminance for b in ("luminance", "rgb"))
+    assert rgb.sizes["channel"] == 3
+    for channel in range(3):
+        assert rgb["total"].values[channel] == pytest.approx(grey["total"].values, rel=1e-4)

@@ -130,3 +130,4 @@ def test_notes_tell_of_greys_and_of_amounts_that_differ():
     assert notes[0] == "colour: the sky's spectrum by chain, the sun's by spectrl2"
     assert "wall south: 0.1 as the case states, not the 0.34 of its spectrum" in notes[1]
     assert notes[2] == "colour: slab, soffit: grey, without a spectrum"
+    assert notes[3].startswith("colour: floor: by red, green and blue")
