@@ -40,7 +40,6 @@ from drcmitsuba.controls.space_lights import with_electric_light
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, evaluate_metrics
 from drcmitsuba.metrics.facade_states import FacadeStates
-from drcmitsuba.metrics.illuminance import direct_sun
 from drcmitsuba.metrics.spaces import sensors_by_space
 from drcmitsuba.plan import Plan, notes, plan
 from drcmitsuba.plan.forecast import Forecast, forecast, is_short
@@ -312,7 +311,7 @@ def _whole(begun: _BegunEvaluation, known: xr.Dataset | None) -> Result:
     spectral = None
     if case.colour.wavelengths and planned.effects["colour"].on:
         E = evaluated.illuminance
-        taken = FacadeStates.of(coefficients.attrs, direct_sun(coefficients, light.sky))
+        taken = FacadeStates.of(coefficients.attrs, E)
         spectral = spectral_year(case, light, E, taken, run)
         numbers = melanopic_metrics(spectral, E, case.colour.melanopic_threshold, light.step_hours)
         evaluated = replace(evaluated, metrics=evaluated.metrics | {"melanopic": numbers})

@@ -170,10 +170,14 @@ def left_out(case: Case) -> list[str]:
 
 def band_accuracy(accuracy: Accuracy, points: int) -> Accuracy:
     """Accuracy of a band at so many points: rays as a ratio needs them."""
-    whole = accuracy.of_points(points)
-    fewer = {name: max(1, getattr(whole, name) // FEWER) for name in RAYS}
-    others = {"replicates": REPLICATES, "cell_size": LARGER * whole.cell_size, "target": None}
-    return whole.model_copy(update=fewer | others)
+    few = with_few_rays(accuracy.of_points(points), REPLICATES)
+    return few.model_copy(update={"cell_size": LARGER * few.cell_size, "target": None})
+
+
+def with_few_rays(accuracy: Accuracy, replicates: int) -> Accuracy:
+    """Accuracy with a part of the rays, in so many replicates."""
+    fewer = {name: max(1, getattr(accuracy, name) // FEWER) for name in RAYS}
+    return accuracy.model_copy(update=fewer | {"replicates": replicates})
 
 
 def spectral_year(

@@ -61,12 +61,12 @@ class SourceSpectra:
     sky: np.ndarray
     """Reciprocal temperature of the ground, as 0, and of the patches [1/MK], shape (time, bin)."""
     sun: np.ndarray
-    """Of the sun, shape (band, time)."""
+    """Light of the sun, shape (band, time)."""
     ground: np.ndarray
-    """Of light on open ground, shape (band, time)."""
+    """Light on open ground, shape (band, time)."""
     phases: np.ndarray
-    """Of the sky with reciprocal temperatures `MIREDS`, shape (band, temperature): phases of
-    daylight, or one measured spectrum."""
+    """Light of the sky with reciprocal temperatures `MIREDS`, shape (band, temperature): of phases
+    of daylight, or of one measured spectrum."""
 
     @classmethod
     def of(cls, case: Case, light: Daylight, bands: Bands) -> SourceSpectra:
@@ -79,7 +79,7 @@ class SourceSpectra:
             if isinstance(of_sun, Path):
                 one = _measured(of_sun, bands)
             else:
-                one = _of_phases(phases, np.array([1e6 / float(of_sun)]))
+                one = np.array([[np.interp(1e6 / float(of_sun), MIREDS, row)] for row in phases])
             sun = np.repeat(one, len(mireds), axis=1)
         if isinstance(case.colour.sky, Path):
             phases = np.repeat(_measured(case.colour.sky, bands), len(MIREDS), axis=1)
@@ -87,7 +87,7 @@ class SourceSpectra:
         on_ground = L * patches.projected_solid_angles[1:]
         z = np.maximum(light.sky["sun_direction"].values[:, 2], 0)
         by_sun = light.sky["direct_normal_illuminance"].values * z
-        each = [(on_ground * _of_phases(row[None], mireds)[0]).sum(axis=1) for row in phases]
+        each = [(on_ground * np.interp(mireds, MIREDS, row)).sum(axis=1) for row in phases]
         total = np.maximum(on_ground.sum(axis=1) + by_sun, 1e-9)
         ground = (np.stack(each) + by_sun * sun) / total
         return cls(np.pad(mireds, ((0, 0), (1, 0))), sun, ground, phases)
@@ -110,11 +110,6 @@ def _measured(path: Path, bands: Bands) -> np.ndarray:
     if not measured.values[:, 0].max() > 0:
         raise InputError(path, "values", "no light", "give the power by wavelength")
     return bands.relative(measured.wavelengths, measured.values[:, :1])
-
-
-def _of_phases(phases: np.ndarray, mireds: np.ndarray) -> np.ndarray:
-    """Light of bands (band, temperature) at reciprocal temperatures of any shape, (band, …)."""
-    return np.stack([np.interp(mireds, MIREDS, row) for row in phases])
 
 
 @lru_cache(maxsize=1)

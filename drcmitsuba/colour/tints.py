@@ -11,7 +11,7 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.colour.bands import Bands
-from drcmitsuba.colour.spectra import of_rgb, smooth_mixes, spectrum_of
+from drcmitsuba.colour.spectra import Spectrum, of_rgb, smooth_mixes, spectrum_of
 from drcmitsuba.model import glass
 from drcmitsuba.model.materials import (
     BsdfInBand,
@@ -84,11 +84,19 @@ class Tints:
     bands: Bands
 
     @cached_property
+    def _spectra(self) -> dict[str, Spectrum]:
+        """Spectra of the case by name, as they are given."""
+        bands, source = self.bands, self.case.source
+        return {
+            name: spectrum_of(tint, bands, source, f"colour.spectra.{name}")
+            for name, tint in self.case.colour.spectra.items()
+        }
+
+    @cached_property
     def _shapes(self) -> dict[str, np.ndarray]:
         """Values of each named spectrum per its luminance under D65 [–], (column, band)."""
         photopic, shapes = self.bands.weights("Y"), {}
-        for name, tint in self.case.colour.spectra.items():
-            spectrum = spectrum_of(tint, self.bands, self.case.source, f"colour.spectra.{name}")
+        for name, spectrum in self._spectra.items():
             each = [spectrum.at(self.bands, i) for i in range(spectrum.values.shape[1])]
             if not photopic @ each[0] > 0:
                 raise self._error(name, "no visible light", "leave it out, or check its file")
@@ -103,12 +111,8 @@ class Tints:
     @cached_property
     def _luminances(self) -> dict[str, float]:
         """Luminance of each named spectrum under D65, as it is given [–]."""
-        photopic, case = self.bands.weights("Y"), self.case
-        every = {
-            name: spectrum_of(tint, self.bands, case.source, f"colour.spectra.{name}")
-            for name, tint in case.colour.spectra.items()
-        }
-        return {name: float(photopic @ s.at(self.bands)) for name, s in every.items()}
+        photopic = self.bands.weights("Y")
+        return {name: float(photopic @ s.at(self.bands)) for name, s in self._spectra.items()}
 
     @cached_property
     def _names(self) -> dict[int, str]:
@@ -195,11 +199,11 @@ class Tints:
         material = surface.material
         shape, behind = (self._shape(band, surface, name) for name in _both(surface.names))
         if isinstance(material, Lambertian):
-            front, back = material.reflectance, material.behind
-            of_back = None if back is None else self._reflectance(back, behind, band)
-            if back is None and surface.behind and behind is not shape:
-                of_back = self._reflectance(front, behind, band)
-            return Lambertian(self._reflectance(front, shape, band), of_back, material.polish)
+            front, back = (
+                self._reflectance(rho, side, band)
+                for rho, side in zip(material.sides, (shape, behind), strict=True)
+            )
+            return Lambertian(front, None if back == front else back, material.polish)
         if isinstance(material, PorousMaterial):
             value = self._reflectance(material.reflectance, shape, band)
             return material.model_copy(update={"reflectance": value})

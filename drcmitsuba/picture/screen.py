@@ -32,7 +32,7 @@ DISPLAY_P3: Primaries = (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, 0.3127, 0.329)
 Space = Literal["srgb", "display-p3"]
 """Space of a screen's colours."""
 White = Literal["daylight", "view"] | float
-"""What a picture shows as white: D65, the mean of its own light, or light of a temperature [K]."""
+"""Light that a picture shows as white: D65, the mean of its own, or that of a temperature [K]."""
 DIMMEST, COLDEST, BLUEST = 1700.0, 4000.0, 25_000.0
 """Temperatures [K]: Planckian radiators from the first, phases of daylight from the second on."""
 VISIBLE = 1 / 255

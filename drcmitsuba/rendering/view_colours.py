@@ -23,7 +23,7 @@ from functools import partial
 import numpy as np
 import xarray as xr
 
-from drcmitsuba.annual.spectral_year import RAYS
+from drcmitsuba.annual.spectral_year import FEWER, with_few_rays
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import State
 from drcmitsuba.colour.bands import TRISTIMULUS, Bands
@@ -43,8 +43,8 @@ from drcmitsuba.sky.daylight import Daylight
 
 images = module("scipy.ndimage")
 
-FEWER_SAMPLES, FEWER_RAYS = 3, 4
-"""Factors by which a band has fewer rays from the eye, and from the surfaces that these show."""
+FEWER_SAMPLES = 3
+"""Factor by which a band has fewer rays from the eye."""
 REPLICATES = 2
 """Number of replicates of a band."""
 SQUARE = 7
@@ -79,12 +79,10 @@ class ViewBands:
     ) -> Iterator[ViewPart]:
         """Scenes of the bands, with fewer rays than those of a picture by luminance."""
         paths, sky, panes = (
-            max(1, n // FEWER_RAYS) for n in (sampling.paths, sampling.sky, sampling.panes)
+            max(1, n // FEWER) for n in (sampling.paths, sampling.sky, sampling.panes)
         )
         few = Sampling(max(1, sampling.samples // FEWER_SAMPLES), paths, sky, panes)
-        whole = self.case.accuracy
-        fewer = {name: max(1, getattr(whole, name) // FEWER_RAYS) for name in RAYS}
-        accuracy = whole.model_copy(update=fewer | {"replicates": REPLICATES})
+        accuracy = with_few_rays(self.case.accuracy, REPLICATES)
         stated = {"bands": list(self.bands.wavelengths), "spectra": self.tints.content}
         for band in range(len(self.bands)):
             tint = partial(self.tints.of, band)

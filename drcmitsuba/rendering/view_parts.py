@@ -37,12 +37,12 @@ class ViewPart:
     sampling: Sampling
     accuracy: Accuracy
     stated: Mapping[str, Any] = field(default_factory=dict)
-    """What its light paths depend on, beside what all parts share."""
+    """Content on which its light paths depend, beside that of all parts."""
 
 
 @dataclass(frozen=True)
 class ViewFrame:
-    """What all parts of a view share."""
+    """View, size and sources that all parts of a view share."""
 
     view: PictureView
     """View in the frame in which the scene is traced."""

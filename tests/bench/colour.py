@@ -14,12 +14,13 @@ from typing import get_args
 
 import numpy as np
 
+from drcmitsuba.annual.bench.run import machine
 from drcmitsuba.annual.result import evaluate
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.colour import Bands, Colour
 from drcmitsuba.case.reading import load_case
 from drcmitsuba.runtime import backend
-from tests.bench.__main__ import machine, table
+from tests.bench.__main__ import table
 
 
 def seconds(case: Case, times: int) -> float:
