@@ -12,15 +12,19 @@ from types import ModuleType
 
 
 class _Later(ModuleType):
-    """Module that stands for another until a name of it is used."""
+    """Module that stands for another until a name of it is used.
+
+    A module is in `sys.modules` while another thread still runs it; importing it again waits for
+    that thread.
+    """
 
     def __getattr__(self, name: str) -> object:
-        if self.__name__ not in sys.modules:
-            import numpy as np
+        if self.__name__ in sys.modules:
+            return getattr(importlib.import_module(self.__name__), name)
+        import numpy as np
 
-            with np.printoptions():  # colour-science changes how NumPy prints
-                importlib.import_module(self.__name__)
-        return getattr(sys.modules[self.__name__], name)
+        with np.printoptions():  # colour-science changes how NumPy prints
+            return getattr(importlib.import_module(self.__name__), name)
 
 
 def module(name: str) -> ModuleType:
