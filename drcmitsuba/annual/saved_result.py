@@ -19,7 +19,7 @@ from drcmitsuba.plan.forecast import Forecast
 from drcmitsuba.runtime import backend, storage
 from drcmitsuba.runtime.background import beside
 from drcmitsuba.runtime.machine_memory import peak_memory
-from drcmitsuba.runtime.progress import Progress, Stage, part, silent
+from drcmitsuba.runtime.progress import Progress, Stage, part, rough, silent
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 
 if TYPE_CHECKING:
@@ -151,9 +151,9 @@ def with_actual(
         "memory_bytes": metrics["peak_memory_bytes"],
         **more,
     }
-    reason = f"took {actual['seconds']:.3g} s"
+    reason = f"took {rough(actual['seconds'])} s"
     if "forecast" in cost:
-        reason = f"forecast {cost['forecast']['seconds']:.2g} s; {reason}"
+        reason = f"forecast {rough(cost['forecast']['seconds'])} s; {reason}"
     if "rays" in actual:
         reason += f" and {sum(actual['rays'].values())} rays"
     return {**cost, "actual": actual, "reason": reason}

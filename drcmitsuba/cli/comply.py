@@ -187,17 +187,19 @@ def _show_all(judged: list[Verdict | Refusal]) -> None:
             reached += f" ({verdict.levels[0].name})"
         table.add_row(verdict.standard, verdict.stated(), reached, _margin(shown.margin))
     show(table)
-    show_notes([*_taken(judged), *reasons])
+    show_notes([*_by_standard(judged), *reasons])
     print("details: drcmitsuba comply … --standard NAME")
 
 
-def _taken(judged: list[Verdict | Refusal]) -> list[str]:
-    """Lines on what standards took in place of the case's own, each with their names."""
-    from drcmitsuba.standards import Verdict
+def _by_standard(judged: list[Verdict | Refusal]) -> list[str]:
+    """Lines on what a case lacks and what standards took in its place, each with their names."""
+    from drcmitsuba.standards import Refusal
 
     names = dict[str, list[str]]()
     for verdict in judged:
-        for line in verdict.taken if isinstance(verdict, Verdict) else ():
+        if isinstance(verdict, Refusal):
+            continue
+        for line in (*verdict.conditions, *verdict.taken):
             names.setdefault(line, []).append(verdict.standard)
     return [f"{', '.join(of_line)}: {line}" for line, of_line in names.items()]
 
@@ -227,10 +229,9 @@ def _show_verdict(verdict: Verdict) -> None:
         print(f"what decides: {verdict.deciding.text()}")
     for duty in verdict.duties:
         print(f"duty: {on_a_line(duty)}")
-    show_notes([*verdict.taken, *verdict.notes])
-    tables = (*standard.quantities.values(), *standard.levels, *standard.extras, *standard.flags)
-    for source in dict.fromkeys(f"{t.sure}: {t.source}" for t in tables):
-        print(f"source, {source}")
+    show_notes([*verdict.conditions, *verdict.taken, *verdict.notes])
+    for sure, sources in standard.sources.items():
+        print(f"source, {sure}: {'; '.join(sources)}")
 
 
 def _row(outcome: Outcome, probability: str) -> tuple[str, ...]:

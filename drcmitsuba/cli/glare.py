@@ -13,6 +13,7 @@ from rich.table import Table
 from drcmitsuba.cli.options import CaseName, Output, Weather, load, option
 from drcmitsuba.cli.terminal import percent, show, show_notes, stages
 from drcmitsuba.runtime.errors import InputError, on_a_line
+from drcmitsuba.runtime.progress import rough
 
 if TYPE_CHECKING:
     from drcmitsuba.case.accuracy import Accuracy
@@ -34,8 +35,7 @@ def _point(text: str) -> list[float]:
 
 def _tell(accuracy: Accuracy, seconds: float) -> None:
     """Print the forecast of the time [s], and of the rounds that may follow."""
-    time = f"about {seconds:.2g} s" if seconds < 100 else f"{seconds:.0f} s"
-    print(f"forecast: {time}{accuracy.rounds_toward(accuracy.eye_goal)}")
+    print(f"forecast: about {rough(seconds)} s{accuracy.rounds_toward(accuracy.eye_goal)}")
 
 
 def glare(

@@ -19,15 +19,17 @@ MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", 
 DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 
 
-def caption(case: Case, illuminance: xr.Dataset, numbers: Mapping[str, Any]) -> str:
+def caption(case: Case, illuminance: xr.Dataset, numbers: Mapping[str, Any], of: str = "") -> str:
     """Weather, period and 95 % intervals of an evaluation, with numbers as in `metrics.json`.
+
+    `of` says whose intervals they are where a picture shows a part: " of all 3 plans".
 
     Such as "723170TYA.CSV, 36.1° N, 80.0° W; Jan–Dec, Mon–Fri, 8–18 h: 2610 h; 95 % intervals: sDA
     83.3–84.7 %, ASE 39.8–39.8 %".
     """
     ends = (f"{name} {numbers[name]['low']:.1f}–{numbers[name]['high']:.1f} %" for name in METRICS)
     bounds = ", ".join(ends).replace(" ", NO_BREAK).replace("," + NO_BREAK, ", ")
-    return f"{place_and_period(case, illuminance, numbers)}; 95 % intervals: {bounds}"
+    return f"{place_and_period(case, illuminance, numbers)}; 95 % intervals{of}: {bounds}"
 
 
 def place_and_period(case: Case, illuminance: xr.Dataset, numbers: Mapping[str, Any]) -> str:

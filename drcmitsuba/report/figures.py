@@ -15,7 +15,13 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.metrics.spaces import SensorsOfSpace, sensors_by_space
 from drcmitsuba.report import plots
-from drcmitsuba.report.captions import caption, is_rated, period_name, turned_text
+from drcmitsuba.report.captions import (
+    caption,
+    is_rated,
+    period_name,
+    place_and_period,
+    turned_text,
+)
 from drcmitsuba.report.colour_scale import round_levels, scale
 from drcmitsuba.report.outlines import outlines_in_plan
 from drcmitsuba.report.sheets import MOST_SHEETS, Sheet, sheets
@@ -96,7 +102,11 @@ def pictures_of_sums(
     }  # fmt: skip
     if "melanopic" in sums:
         title = f"hours with {numbers['melanopic']['threshold']:g} lx melanopic EDI{shade}"
-        settings = {"title": title, "label": "share of hours [%]", "norm": Normalize(0, 100)}
+        where = place_and_period(case, illuminance, numbers)
+        settings = {
+            "title": title, "label": "share of hours [%]", "norm": Normalize(0, 100),
+            "caption": where,
+        }  # fmt: skip
         plans["melanopic"] = sums["melanopic"], settings
     return {
         **_plans(case, illuminance, numbers, plans),
@@ -135,7 +145,8 @@ def _plans(
     """Draw plans, values (sensor,) and settings of each by its name, on every sheet."""
     every, spaces, drawn = sheets(illuminance), sensors_by_space(illuminance), {}
     at = np.column_stack([illuminance[axis].values for axis in "xy"])
-    words = caption(case, illuminance, numbers) + turned_text(case)
+    of, turned = f" of all {len(every)} plans" if len(every) > 1 else "", turned_text(case)
+    words = caption(case, illuminance, numbers, of)
     for values, settings in plans.values():  # all sheets have the same colours
         known = np.ma.masked_invalid(values.values.astype(float))
         settings["norm"] = scale(known, settings.get("norm"), settings.get("limit"))
@@ -148,8 +159,10 @@ def _plans(
             if name.startswith("undecided") and not ((here > 0) & (here < 100)).any():
                 continue
             title = f"{case.name}: {settings['title']}{where}"
+            stated = settings.get("caption", words)
             drawn[f"{name}{number}_plan.png"] = plots.plan(
-                here, **{**settings, **lines, "title": title, "caption": words}
+                here,
+                **settings | lines | {"title": title, "caption": stated + turned},
             )
     return drawn
 

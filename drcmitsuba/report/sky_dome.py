@@ -50,8 +50,9 @@ def who_lights(of_point: xr.Dataset) -> Figure:
     by_window = light.sum(["source", "bounces"]).values
     order = [int(i) for i in np.argsort(-by_window, kind="stable") if by_window[i] > 0]
     order = order[:MOST_WINDOWS] or [0]
-    figure = Figure(figsize=(8.4, 2.0 + 0.35 * len(order) + 2.5 * len(order)), layout="constrained")
-    above, below = figure.subfigures(2, 1, height_ratios=[1.6 + 0.4 * len(order), 2.6 * len(order)])
+    heights = [1.9 + 0.4 * len(order), 2.6 * len(order)]  # of the bars with their legend, the sky
+    figure = Figure(figsize=(8.4, sum(heights)), layout="constrained")
+    above, below = figure.subfigures(2, 1, height_ratios=heights)
     _bars(above.subplots(), light.isel(window=order), whole)
     x, y = float(of_point["x"]), float(of_point["y"])
     state = str(of_point["state"].values[0])
@@ -66,8 +67,8 @@ def who_lights(of_point: xr.Dataset) -> Figure:
             of_class = values.isel(bounces=bounces).sum("bounces")
             sky_dome(of_class, of_point["direction"], subdivision=subdivision, ax=ax, norm=norm)
             ax.set_title(f"{values['window'].item()}, {label}", fontsize=9, **NAME)
-    bar = below.colorbar(axes[0, 0].collections[0], ax=axes, shrink=0.6, pad=0.02)
-    bar.set_label(f"C per solid angle of the sky or the sun, state {state} [–]", fontsize=9)
+    bar = below.colorbar(axes[0, 0].collections[0], ax=axes, shrink=0.9, pad=0.02)
+    bar.set_label(f"C per solid angle of the bin [–],\nstate {state}", fontsize=9)
     bar.ax.tick_params(labelsize=8.5)
     return figure
 
@@ -101,8 +102,10 @@ def _bars(ax: Axes, light: xr.DataArray, whole: float) -> None:
     ax.invert_yaxis()
     ax.set_xlabel(f"share of the light of the period, {whole / 1e6:.3g} Mlx·h [%]", fontsize=9)
     ax.tick_params(axis="x", labelsize=8)
-    ax.legend(fontsize=8.5, ncols=3, loc="upper center", bbox_to_anchor=(0.5, -0.25), frameon=False)
     tidy(ax, axis="x")
+    every = ax.get_legend_handles_labels()
+    bars = ax.get_figure(root=False)
+    bars.legend(*every, fontsize=8.5, ncols=3, loc="outside lower center", frameon=False)
 
 
 def sky_dome(

@@ -12,6 +12,11 @@ Stage = Callable[[str], AbstractContextManager[Progress]]
 """Function that opens a named stage of the work, and yields the stage's `Progress`."""
 
 
+def rough(amount: float) -> str:
+    """Write an amount with two significant digits, or as a whole number."""
+    return f"{amount:.0f}" if amount >= 99.5 else f"{amount:.2g}"
+
+
 def part(progress: Progress, begin: float, end: float) -> Progress:
     """Progress of a part of the work, which spans two shares of the whole."""
     return lambda share: progress(begin + share * (end - begin))

@@ -126,6 +126,15 @@ class Standard(Sourced):
     flags: tuple[Flag, ...] = ()
     """Duties."""
 
+    @property
+    def sources(self) -> dict[str, list[str]]:
+        """Sources of all numbers, by how sure they are."""
+        out: dict[str, list[str]] = {}
+        parts = (*self.quantities.values(), *self.levels, *self.extras, *self.flags)
+        for sure, source in dict.fromkeys((part.sure, part.source) for part in parts):
+            out.setdefault(sure, []).append(source)
+        return out
+
     @model_validator(mode="after")
     def _known_quantities(self) -> Standard:
         levels = (*self.levels, *self.extras)

@@ -92,6 +92,8 @@ class Verdict:
     duties: tuple[str, ...]
     """Duties of spaces."""
     notes: tuple[str, ...]
+    conditions: tuple[str, ...] = ()
+    """What the case lacks of the standard's terms, so that the level is of another façade."""
     taken: tuple[str, ...] = ()
     """Hours and points that the standard takes in place of the case's own."""
 
@@ -131,6 +133,7 @@ def assess(
         {q: c.interval for q, c in counted.items()},
         {q: c.unit for q, c in counted.items()},
         decides, tuple(_duties(standard, counted, year)), tuple(_notes(standard, year)),
+        tuple(_conditions(standard, year)),
     )  # fmt: skip
 
 
@@ -257,22 +260,28 @@ def _duties(standard: Standard, counted: dict[str, Counted], year: StandardYear)
     return out
 
 
-def _notes(standard: Standard, year: StandardYear) -> list[str]:
-    """Notes on what the verdict presumes."""
-    notes, E = [], year.illuminance.attrs
-    if standard.hours == "equinox":
-        notes.append(clearest_days(year.illuminance))
+def _conditions(standard: Standard, year: StandardYear) -> list[str]:
+    """Differences of the case's shade from the shade that a standard presumes."""
+    out, E = [], year.illuminance.attrs
     if standard.shade and not year.has_shade:
-        notes.append("the case has no shade, which LM-83 wants before every window")
+        out.append("the case has no shade, which LM-83 wants before every window")
     if standard.shade and year.has_shade:
         rule = float(E.get("shade_threshold", THRESHOLD)), float(E.get("shade_area", AREA))
         if rule != (THRESHOLD, AREA):
-            notes.append(
+            out.append(
                 f"the shade closes at {rule[0]:g} lx on {100 * rule[1]:g} % of the points, "
                 f"by LM-83 at {THRESHOLD:g} lx on {100 * AREA:g} %"
             )
         if "schedule" in E:
-            notes.append("groups of panes follow a schedule, not the rule of LM-83")
+            out.append("groups of panes follow a schedule, not the rule of LM-83")
+    return out
+
+
+def _notes(standard: Standard, year: StandardYear) -> list[str]:
+    """Notes on how the verdict was reached."""
+    notes = []
+    if standard.hours == "equinox":
+        notes.append(clearest_days(year.illuminance))
     if year.replicates is None:
         notes.append("no probability: coefficients.zarr and sky.zarr hold the replicates")
     elif standard.shade and year.varies:

@@ -16,6 +16,7 @@ from drcmitsuba.plan.forecast.summed import states_of_year
 from drcmitsuba.plan.forecast.work import work
 from drcmitsuba.runtime import machine_speed
 from drcmitsuba.runtime.machine_speed import Speed
+from drcmitsuba.runtime.progress import rough
 from drcmitsuba.runtime.ray_counter import KINDS
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.surfaces import bounds_of_rooms
@@ -94,15 +95,10 @@ class Forecast:
 
     def __str__(self) -> str:
         return (
-            f"{_figure(self.seconds)} s, {_figure(self.memory_bytes / 2**20)} MiB of memory, "
-            f"{_figure(self.disk_bytes / 1e6)} MB on disk, "
-            f"{_figure(sum(self.rays.values()) / 1e6)} million rays"
+            f"{rough(self.seconds)} s, {rough(self.memory_bytes / 2**20)} MiB of memory, "
+            f"{rough(self.disk_bytes / 1e6)} MB on disk, "
+            f"{rough(sum(self.rays.values()) / 1e6)} million rays"
         )
-
-
-def _figure(value: float) -> str:
-    """Write a number with two significant digits, or as a whole number."""
-    return f"{value:.0f}" if value >= 100 else f"{value:.2g}"
 
 
 def is_short(plan: Plan) -> bool:

@@ -72,7 +72,8 @@ def _short(verdict: Verdict | Refusal) -> Cell:
     told = words.format(level=text(shown.name), probability=_likelihood(verdict.probability))
     margin = _margin(shown.margin, standards.read(verdict.standard))
     duties = "".join(f"; {t['duty'].format(text=text(duty))}" for duty in verdict.duties)
-    return (YES if shown.reached else NO) + told, "; ", *margin, duties
+    conditions = "".join(f"; {text(condition)}" for condition in verdict.conditions)
+    return (YES if shown.reached else NO) + told + conditions, "; ", *margin, duties
 
 
 def _stated(verdict: Verdict | Refusal) -> str:
@@ -111,8 +112,8 @@ def _judged(verdict: Verdict, name: str) -> Judgement:
         remarks.append(t["decides"].format(text=verdict.deciding.text(t)))
     remarks += [t["duty"].format(text=duty) for duty in verdict.duties]
     remarks += [*verdict.taken, *verdict.notes]
-    parts = (*standard.quantities.values(), *standard.levels, *standard.extras, *standard.flags)
-    remarks += dict.fromkeys(t["source"].format(sure=p.sure, text=p.source) for p in parts)
+    sources = standard.sources.items()
+    remarks += [t["source"].format(sure=sure, text="; ".join(of)) for sure, of in sources]
     stated = _stated(verdict)
     return Judgement(name, _title(verdict), stated, tuple(tables), tuple(map(text, remarks)))
 
