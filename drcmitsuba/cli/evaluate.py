@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 MOST_ROWS = 40
 """Largest number of grids in the table."""
+SHORT = "…"
+"""Text between the ends of intervals where many columns share 80 characters."""
 
 
 def metrics_tables(numbers: dict, title: str) -> list[Table]:
@@ -78,15 +80,14 @@ def _spaces_table(numbers: dict) -> list[Table]:
     spaces = numbers.get("spaces", [])
     if len(spaces) < 2:
         return []
-    told = ["name", *(key for key in ("use", "storey") if any(space[key] for space in spaces))]
-    table = Table("space", *told[1:])
-    for column in ("m²", "points", "sDA % (95 %)", "ASE % (95 %)"):
-        table.add_column(column, justify="right")
+    table = Table("space")
+    for column in ("m²", "sDA % (95 %)", "ASE % (95 %)"):
+        table.add_column(column, justify="right", no_wrap=True)
     worst = sorted(spaces, key=lambda space: space["sDA"]["value"])
     for space in [*worst[:MOST_ROWS], {"name": "building, by area", **numbers["building"]}]:
-        words = (escape(on_a_line(space.get(key, ""))) for key in told)
-        shares = (percent(space[metric]) for metric in ("sDA", "ASE"))
-        table.add_row(*words, f"{space['floor_area']:.1f}", str(space["sensors"]), *shares)
+        words = (on_a_line(space.get(key, "")) for key in ("name", "use", "storey"))
+        shares = (percent(space[metric], SHORT) for metric in ("sDA", "ASE"))
+        table.add_row(escape(", ".join(filter(None, words))), f"{space['floor_area']:.1f}", *shares)
     if len(spaces) > MOST_ROWS:
         table.caption = f"{len(spaces) - MOST_ROWS} more spaces: metrics.json, spaces"
     return [table]
@@ -98,15 +99,15 @@ def _melanopic_table(numbers: dict) -> list[Table]:
     if not told:
         return []
     table = Table(f"melanopic EDI, {told['threshold']:g} lx")
-    for column in ("% of hours (95 %)", "% of mornings", "per lx", "CCT [K]", "R_f"):
-        table.add_column(column, justify="right")
+    for column in ("% of hours", "% of mornings", "per lx", "CCT [K]", "R_f"):
+        table.add_column(column, justify="right", no_wrap=True)
     views = told.get("views", {})
     for name, row in [("sensors", told), *list(views.items())[:MOST_ROWS]]:
-        mornings = percent(row["mornings"]) if "mornings" in row else "–"
+        mornings = percent(row["mornings"], SHORT) if "mornings" in row else "–"
         lit = 3 * ["–"]
         if "ratio" in row:
             lit = [f"{row['ratio']:.2f}", f"{row['cct']:.0f}", f"{row['fidelity']:.0f}"]
-        table.add_row(escape(on_a_line(name)), percent(row["autonomy"]), mornings, *lit)
+        table.add_row(escape(on_a_line(name)), percent(row["autonomy"], SHORT), mornings, *lit)
     if len(views) > MOST_ROWS:
         table.caption = f"{len(views) - MOST_ROWS} more views: metrics.json, melanopic"
     return [table]

@@ -78,11 +78,11 @@ def show(*tables: Table) -> None:
         console.print(table)
 
 
-def percent(value: dict[str, float] | None) -> str:
-    """Write a metric [%] with its 95 % interval."""
+def percent(value: dict[str, float] | None, to: str = " … ") -> str:
+    """Write a metric [%] with its 95 % interval, `to` between the ends."""
     if value is None:
         return "–"
-    return f"{value['value']:.1f} ({value['low']:.1f} … {value['high']:.1f})"
+    return f"{value['value']:.1f} ({value['low']:.1f}{to}{value['high']:.1f})"
 
 
 def show_notes(notes: Iterable[str]) -> None:
