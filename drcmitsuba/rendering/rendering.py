@@ -20,6 +20,7 @@ from drcmitsuba.picture.picture import Picture
 from drcmitsuba.picture.screen import SRGB, Screen, Shown
 from drcmitsuba.report import style
 from drcmitsuba.runtime import lazy
+from drcmitsuba.runtime.content_key import content_key
 from drcmitsuba.runtime.errors import InputError
 
 images = lazy.module("matplotlib.image")
@@ -35,6 +36,8 @@ Source = Literal["all", "sky", "sun"]
 
 NEGLIGIBLE = 1e-3
 """Share of a pixel's luminance below which a negative channel is no matter [–]."""
+LONGEST = 80
+"""Largest number of characters of a view's name in a file's name."""
 NAMES = {"srgb": "sRGB", "display-p3": "Display P3"}
 """Names of the spaces of screens."""
 
@@ -58,8 +61,16 @@ def check_scale(scale: Scale | None, tone: Tone) -> None:
 
 
 def file_name(view: str) -> str:
-    """Part of a file's name for a view, whose own name may come from any model."""
-    return re.sub(r"[^\w-]+", "_", view)[:80] or "view"
+    """Part of a file's name for a view, whose own name may come from any model.
+
+    A name that has other characters than words, hyphens and single spaces, or more than 80, ends
+    with six digits of its key: views share no file unless they differ only by underscores in place
+    of spaces.
+    """
+    words = re.sub(r"[^\w-]+", "_", view)
+    if words == view.replace(" ", "_") and 0 < len(words) <= LONGEST:
+        return words
+    return f"{words[: LONGEST - 7]}_{content_key(view)[:6]}"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
