@@ -22,6 +22,8 @@ MOST_BYTES = 1 << 20
 """Largest size of a file [bytes]."""
 MOST = 10_000
 """Largest number of wavelengths."""
+ROUNDED = 0.002
+"""Largest sum of rounded shares above 1 that a pane may send on [–]."""
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 
@@ -58,7 +60,7 @@ def read_spectrum(path: Path, bands: Bands, most: float = 1.0) -> Spectrum:
     ------
     InputError
         It is no such text, or its wavelengths do not rise or do not cover the bands, or a value is
-        below 0 or too large.
+        below 0 or too large, or a pane sends on more than all light.
     """
 
     def refuse(field: str, got: str, remedy: str) -> InputError:
@@ -91,12 +93,18 @@ def read_spectrum(path: Path, bands: Bands, most: float = 1.0) -> Spectrum:
     if wavelengths[0] > low or wavelengths[-1] < high:
         got = f"{wavelengths[0]:g} to {wavelengths[-1]:g} nm"
         raise refuse("wavelengths", got, f"cover {low:g} to {high:g} nm")
-    visible = values[(wavelengths >= 380) & (wavelengths <= 780)]
+    is_visible = (wavelengths >= 380) & (wavelengths <= 780)
+    visible = values[is_visible]
     if visible.min(initial=0) < 0:
         raise refuse("values", f"{visible.min():g}", "give shares of the light, 0 to 1")
     if visible.max(initial=0) > most:
         remedy = "are they in percent? Divide them by 100" if visible.max() <= 100 else "check them"
         raise refuse("values", f"up to {visible.max():g}, above 1", remedy)
+    sent_on = (visible[:, :1] + visible[:, 1:3]).max(axis=1, initial=0)
+    if sent_on.max(initial=0) > most + ROUNDED:
+        at = wavelengths[is_visible][sent_on.argmax()]
+        got = f"transmittance and reflectance add up to {sent_on.max():g} at {at:g} nm"
+        raise refuse("values", got, "give transmittance, then reflectances of front and back")
     return Spectrum(wavelengths, values)
 
 

@@ -153,7 +153,8 @@ class Tints:
         for surface in every.values():
             for band in range(len(self.bands)):
                 self.of(band, surface)
-        return [*self._of_sources(), *self._amounts(every), *self._greys(every)]
+        notes = [*self._amounts(every), *self._grey_sides(every), *self._greys(every)]
+        return [*self._of_sources(), *notes]
 
     def _of_sources(self) -> list[str]:
         told = self.case.colour
@@ -172,6 +173,17 @@ class Tints:
                 told = f"{stated:g} as the case states, not the {its:.2f} of its spectrum"
                 out.append(f"colour: {name}: {told}")
         return out[:MOST_NAMES]
+
+    def _grey_sides(self, every: Mapping[str, TintedSurface]) -> list[str]:
+        """Notes on panes whose spectrum says nothing of the light that they reflect."""
+        names = [
+            name for name, surface in every.items()
+            if isinstance(surface.material, GlazingMaterial)
+            and (spectrum := self._named(surface, name)) is not None
+            and len(self._shapes[spectrum]) < 3 and surface.material.reflectance > 0
+        ]  # fmt: skip
+        words = "its spectrum has no reflectances, so that it reflects light as grey"
+        return [f"colour: {name}: {words}" for name in names[:MOST_NAMES]]
 
     def _greys(self, every: Mapping[str, TintedSurface]) -> list[str]:
         """Notes on the surfaces without a spectrum: grey ones, and those by red, green and blue."""

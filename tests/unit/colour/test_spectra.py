@@ -47,8 +47,9 @@ def test_forms_of_one_spectrum(tmp_path, text):
         ("380,0.2\n500,0.2,0.3\n780,0.6\n", "3 numbers after lines of 2"),
         ("a spectrum\n", "0 of them"),
         ("380,0.2\n500,nan\n780,0.6\n", "line 2"),
+        ("380,0.2,0.1\n500,0.9,0.2\n780,0.6,0.1\n", "add up to 1.1 at 500 nm"),
     ],
-    ids=["short", "percent", "falling", "negative", "word", "one", "columns", "none", "nan"],
+    ids=["short", "percent", "falling", "negative", "word", "one", "columns", "none", "nan", "sum"],
 )
 def test_unfit_files_are_refused_in_one_line(tmp_path, text, words):
     with pytest.raises(InputError) as caught:

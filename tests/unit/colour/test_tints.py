@@ -11,6 +11,7 @@ from drcmitsuba.colour.tints import Tints
 from drcmitsuba.model.materials import (
     DielectricMaterial,
     DiffuserMaterial,
+    GlazingMaterial,
     Lambertian,
     MirrorMaterial,
 )
@@ -119,6 +120,15 @@ def test_each_side_of_a_sheet_has_its_own_spectrum():
     assert made.of(8, alike).sides == pytest.approx((front[8], back[8] * 0.4 / 0.3))
     one = surface("wall", Lambertian(0.4), behind="outside")
     assert made.of(8, one).sides == pytest.approx((0.4, back[8] * 0.4 / 0.3))
+
+
+def test_a_note_tells_of_a_pane_that_reflects_as_grey(tmp_path):
+    for columns, count in (("", 0), (",0.1,0.1", 1)):
+        (tmp_path / f"glass{count}.csv").write_text(f"380,0.4{columns}\n780,0.8{columns}\n")
+        made = tints({"glass": tmp_path / f"glass{count}.csv"})
+        pane = surface("glass", GlazingMaterial(type="glazing", transmittance=0.6, reflectance=0.1))
+        notes = [note for note in made.check([pane]) if "no reflectances" in note]
+        assert len(notes) == 1 - count
 
 
 def test_notes_tell_of_greys_and_of_amounts_that_differ():
