@@ -103,7 +103,7 @@ class SensorTiles:
 
     def grid(self, values: np.ndarray) -> np.ma.MaskedArray:
         """Values of the sensors in the grid, shape (row, column); gaps are masked."""
-        grid = np.ma.masked_all(self.shape, dtype=values.dtype)
+        grid = np.ma.masked_array(np.zeros(self.shape, values.dtype), mask=True)
         grid[self.row, self.column] = values
         return grid
 

@@ -16,6 +16,7 @@ from matplotlib.image import imread
 from PIL import Image
 
 from drcmitsuba.report import plots
+from drcmitsuba.report.tiles import SensorTiles
 from drcmitsuba.runtime.errors import InputError
 
 
@@ -123,6 +124,21 @@ def test_gap_in_a_grid_stays_empty():
     mesh = collection(plots.plan(E.where(~((E.x > 2) & (E.y > 2)), drop=True)), QuadMesh)
     assert mesh.get_array().size == 36
     assert np.ma.count_masked(mesh.get_array()) == 4
+
+
+def test_a_gap_holds_no_number_that_colours_could_overflow_with(monkeypatch):
+    """Masked entries are coloured before they are hidden; memory that none wrote holds anything."""
+    empty = np.empty
+
+    def huge(*arguments, **options):
+        made = empty(*arguments, **options)
+        made.fill(1e308 if made.dtype.kind == "f" else 0)
+        return made
+
+    x, y = (np.delete(a.ravel(), 5) for a in np.meshgrid(range(4), range(3)))
+    tiles = SensorTiles.of(1.0 * x, 1.0 * y)
+    monkeypatch.setattr(np, "empty", huge)
+    assert (tiles.grid(np.ones(11)).data <= 1).all()
 
 
 def test_scattered_sensors_become_discs():
