@@ -18,6 +18,7 @@ from drcmitsuba.plan import Plan, photon_notes
 from drcmitsuba.plan.forecast import Forecast
 from drcmitsuba.runtime import backend, storage
 from drcmitsuba.runtime.background import beside
+from drcmitsuba.runtime.byte_size import size_on_disk
 from drcmitsuba.runtime.machine_memory import peak_memory
 from drcmitsuba.runtime.progress import Progress, Stage, part, rough, silent
 from drcmitsuba.scene.enabled_effects import EnabledEffects
@@ -85,7 +86,7 @@ class SavedResult(ABC):
             metrics = self.metrics | {"seconds": seconds, "peak_memory_bytes": peak_memory()}
             storage.save_json(metrics, folder / "metrics.json")
             names = (*arrays, "metrics.json", *pictures)
-            disk = sum(_bytes(folder / name) for name in names)
+            disk = sum(size_on_disk(folder / name) for name in names)
             cost = with_actual(self.plan["cost"], metrics, {"disk_bytes": disk})
             saved = replace(self, metrics=metrics, plan=self.plan | {"cost": cost})  # type: ignore[type-var]
             storage.save_json(saved.plan, folder / "plan.json")
@@ -133,12 +134,6 @@ class SavedResult(ABC):
 def _text(number: Mapping[str, float]) -> str:
     """Write a metric and its interval [%]."""
     return f"{number['value']:.1f} % ({number['low']:.1f} … {number['high']:.1f})"
-
-
-def _bytes(path: Path) -> int:
-    """Size of a file, or of all files in a folder."""
-    files = path.rglob("*") if path.is_dir() else [path]
-    return sum(file.stat().st_size for file in files if file.is_file())
 
 
 def with_actual(

@@ -25,7 +25,8 @@ class Sensors(Table):
     """Horizontal grid of points that face up; the first is at corner + spacing/2, x fastest."""
 
     corner: Point
-    """Lowest x and y of the grid, and its height z [m]."""
+    """Lowest x and y of the grid, and its height z [m]; the first point stands half a spacing from
+    it in x and y, so that a grid that fills a room begins at the room's corner."""
     count: tuple[PerAxis, PerAxis]
     """Number of points along x and along y."""
     spacing: Length = 0.3

@@ -21,6 +21,7 @@ from drcmitsuba.cli.options import (
 )
 from drcmitsuba.cli.startup import FOR_FILES, FOR_METRICS, importing
 from drcmitsuba.cli.terminal import percent, show, show_notes, show_progress, stages
+from drcmitsuba.runtime.byte_size import in_words, size_on_disk
 from drcmitsuba.runtime.errors import InputError, on_a_line
 
 if TYPE_CHECKING:
@@ -227,7 +228,7 @@ def _show_result(result: SavedResult, output: Path) -> None:
         points = ", ".join(f"{count[name]} of {name}" for name in ("sDA", "ASE"))
         print(f"points too close to call: {points} (metrics.json, undecided)")
     show_notes(numbers["settings"]["notes"])
-    print(f"results are in {output}")
+    print(f"results are in {output}, {in_words(size_on_disk(output))}")
 
 
 def _evaluate_variants(case: str, names: list[str], output: Path, weather: Path | None) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 from drcmitsuba.runtime.errors import InputError
 
@@ -19,6 +20,12 @@ def byte_size(text: str, field: str) -> int:
     if match is None or match[2].lower() not in UNITS:
         raise InputError("command line", field, repr(text), 'write a size such as "3 GiB"')
     return round(float(match[1]) * UNITS[match[2].lower()])
+
+
+def size_on_disk(path: Path) -> int:
+    """Number of bytes of a file, or of all files of a folder."""
+    files = path.rglob("*") if path.is_dir() else [path]
+    return sum(file.stat().st_size for file in files if file.is_file())
 
 
 def in_words(size: int) -> str:

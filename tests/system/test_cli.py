@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -279,7 +280,7 @@ def test_a_run_from_the_shell_says_its_numbers_and_nothing_else(case, tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
     assert "sDA" in done.stdout
     assert "note: no weather file" in done.stdout
-    assert done.stdout.endswith("results are in results\n")
+    assert re.search(r"results are in results, [\d.]+ [KM]iB\n$", done.stdout)
     assert {p.name for p in (tmp_path / "results").iterdir()} == RESULTS
 
 
