@@ -115,6 +115,13 @@ class CommandLine:
 
     def __call__(self, *arguments: object, folder: Path) -> Answer:
         """Run `drcmitsuba ARGUMENTS` in a folder."""
+        return self._asked({"arguments": [str(a) for a in arguments]}, folder)
+
+    def python(self, text: str, folder: Path) -> Answer:
+        """Run Python code in a folder, as a script whose names nothing else sees."""
+        return self._asked({"python": text}, folder)
+
+    def _asked(self, request: dict[str, object], folder: Path) -> Answer:
         if self.process is None:
             program = [sys.executable, __file__]
             with (folder / "stderr").open("wb") as err:
@@ -125,8 +132,7 @@ class CommandLine:
         process = self.process
         assert process.stdin is not None
         assert process.stdout is not None
-        request = json.dumps({"arguments": [str(a) for a in arguments], "folder": str(folder)})
-        process.stdin.write(request.encode() + b"\n")
+        process.stdin.write(json.dumps(request | {"folder": str(folder)}).encode() + b"\n")
         process.stdin.flush()
         ready, _, _ = select.select([process.stdout], [], [], self.seconds)
         answer = process.stdout.readline() if ready else b""
@@ -134,7 +140,7 @@ class CommandLine:
             return Answer(**json.loads(answer))
         self.close()
         how = f"ended with {process.returncode}" if ready else f"hung for {self.seconds} s"
-        return Answer(1, "", "", f"the process {how}: {' '.join(map(str, arguments))}", 0)
+        return Answer(1, "", "", f"the process {how}: {request}", 0)
 
     def close(self) -> None:
         """End the process."""
@@ -144,17 +150,28 @@ class CommandLine:
             self.process = None
 
 
-def _answer(arguments: list[str]) -> Answer:
-    """Run a command in this process."""
+def _run(request: dict) -> None:
+    """Run what is asked for: a command, or Python code."""
+    if "python" in request:
+        from drcmitsuba.runtime import backend
+
+        backend.select()
+        exec(compile(request["python"], "script", "exec"), {"__name__": "__main__"})
+        return
     from drcmitsuba.cli import main
 
+    sys.argv = ["drcmitsuba", *request["arguments"]]
+    main.main()
+
+
+def _answer(request: dict) -> Answer:
+    """Run what is asked for in this process."""
     out, err, code, fault = io.StringIO(), io.StringIO(), 0, ""
-    sys.argv = ["drcmitsuba", *arguments]
 
     def run():
         nonlocal code, fault
         try:
-            main.main()
+            _run(request)
         except SystemExit as stop:
             code = stop.code if isinstance(stop.code, int) else 1
         except BaseException:
@@ -181,7 +198,7 @@ def main() -> None:
     for line in sys.stdin:
         asked = json.loads(line)
         os.chdir(asked["folder"])
-        answers.write(json.dumps(_answer(asked["arguments"]).__dict__) + "\n")
+        answers.write(json.dumps(_answer(asked).__dict__) + "\n")
         answers.flush()
 
 

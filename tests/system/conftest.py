@@ -8,12 +8,30 @@ import time
 from pathlib import Path
 
 import pytest
+from matplotlib.figure import Figure
 
 import drcmitsuba
 from drcmitsuba import load_case
 from drcmitsuba.cli import main
+from drcmitsuba.report import plots
 from tests import skips
 from tests.system.small_room import DAYS
+
+
+@pytest.fixture(autouse=True)
+def blank_pictures(request, monkeypatch):
+    """Leave the plans and months of evaluations blank: drawing them takes half of a small run.
+
+    A test that looks at them, or that wants them drawn, asks for the fixture `drawn`.
+    """
+    if "drawn" not in request.fixturenames:
+        for name in ("plan", "monthly"):
+            monkeypatch.setattr(plots, name, lambda *values, **settings: Figure((1, 1)))
+
+
+@pytest.fixture
+def drawn():
+    """Pictures of evaluations as users see them."""
 
 
 @pytest.fixture

@@ -113,7 +113,7 @@ def test_27_bands_agree_with_9():
     assert ratios[0] == pytest.approx(ratios[1], rel=0.005)
 
 
-def test_files_hold_what_the_result_does(grey, tmp_path):
+def test_files_hold_what_the_result_does(grey, tmp_path, drawn):
     grey.save(tmp_path)
     with xr.open_dataset(tmp_path / "colour.nc") as saved:
         xr.testing.assert_allclose(saved["melanopic"], grey.spectral["melanopic"])

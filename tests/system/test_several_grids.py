@@ -86,7 +86,9 @@ def test_results_tell_the_rooms_apart(evaluated, run):
             assert stepped[name][metric]["value"] == grid[metric]["value"]
 
 
-def test_plans_are_drawn_again_with_rooms_while_the_model_can_be_read(evaluated, run, tmp_path):
+def test_plans_are_drawn_again_with_rooms_while_the_model_can_be_read(
+    evaluated, run, tmp_path, drawn
+):
     folder, _ = evaluated
     first = imread(folder / "sun_plan.png")
     code, out, _ = run("plot", folder)
