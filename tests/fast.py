@@ -6,6 +6,9 @@ more than some three seconds together (`--durations=0`); a folder, where most of
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Any
+
 import pytest
 
 from tests import ROOT
@@ -56,6 +59,11 @@ SHORT = (
     "system/test_elements.py", "system/test_plan_command.py",
 )  # fmt: skip
 """Files in those folders whose tests take no longer."""
+
+
+def slowly(values: Iterable[Any], *slow: Any) -> list[Any]:
+    """Parameters of a test, some of which only run at night."""
+    return [pytest.param(v, marks=[pytest.mark.slow] * (v in slow), id=str(v)) for v in values]
 
 
 def is_long(path: str) -> bool:

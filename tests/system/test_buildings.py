@@ -98,6 +98,7 @@ def test_results_are_by_space_storey_and_area(folder, run):
             assert other == pytest.approx(value, rel=1e-5, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_a_year_that_is_summed_tells_the_same_of_its_spaces(folder, run):
     assert run("evaluate", folder / "case.toml", "-o", folder / "out")[0] == 0
     text = (folder / "case.toml").read_text(encoding="utf-8")

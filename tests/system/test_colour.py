@@ -104,6 +104,7 @@ def test_bands_are_rooms_of_their_reflectances():
     )
 
 
+@pytest.mark.slow
 def test_27_bands_agree_with_9():
     spectra = {"floor": [0.5, 0.3, 0.15], "walls": [0.6, 0.5, 0.35]}
     ratios = [

@@ -13,6 +13,7 @@ from drcmitsuba.metrics import facade_states
 from drcmitsuba.rendering.frames import states_at
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.pane_groups import PaneGroups
+from tests.fast import slowly
 from tests.system.small_room import CASE, SITE
 
 EAST = """
@@ -79,7 +80,9 @@ def test_each_façade_closes_on_its_own(run, tmp_path):
     assert (E["total"][one].mean("sensor") > 1.2 * together["total"][one].mean("sensor")).all()
 
 
-@pytest.mark.parametrize("model", ["three_phase", "daysim", "adaptive"])
+@pytest.mark.parametrize(
+    "model", slowly(["three_phase", "daysim", "adaptive"], "daysim", "adaptive")
+)
 def test_any_model_of_the_sun_tells_façades_apart(run, tmp_path, model):
     exact, _ = evaluated(run, tmp_path, TWO)
     E, _ = evaluated(run, tmp_path, TWO + f'[sun]\nmodel = "{model}"\n')
@@ -209,6 +212,7 @@ def test_a_state_is_exported(run, refused, tmp_path):
     assert 'no state "clsed"' in refused("export", tmp_path / "case.toml", *more)
 
 
+@pytest.mark.slow
 def test_hours_beyond_the_period_count_where_c_holds_their_states(tmp_path, monkeypatch):
     """States at night are further ones; where they are too many, the period stays by itself."""
     by_day, by_night = ["open,open", "milk,shade"], ["shade,open", "2,1", "1,open", "open,shade"]

@@ -58,7 +58,11 @@ def compare(whole, large):
 
 @pytest.mark.parametrize(
     ("changes", "more"),
-    [((), ""), (((SHADING, ""),), ""), ((("count = [5, 5]", "count = [3, 3]"),), COLOURED)],
+    [
+        ((), ""),
+        (((SHADING, ""),), ""),
+        pytest.param((("count = [5, 5]", "count = [3, 3]"),), COLOURED, marks=pytest.mark.slow),
+    ],
     ids=["shade", "no shade", "coloured"],  # channels are summed by luminance
 )
 def test_one_block_has_the_same_numbers(tmp_path, changes, more):
@@ -75,6 +79,7 @@ def sums_of_groups(monkeypatch):
     monkeypatch.setattr(summed_year, "ENTRIES", 7 * 31 * 13)
 
 
+@pytest.mark.slow
 def test_groups_of_panes_that_close_one_by_one(tmp_path):
     case = case_of(tmp_path, ("[facade.south]", EAST))
     whole, large = drcmitsuba.evaluate(case), drcmitsuba.evaluate_within(case, memory=1)
@@ -127,6 +132,7 @@ def test_light_that_waits_on_the_disk_is_the_same(tmp_path, monkeypatch):
     xr.testing.assert_identical(waiting.illuminance, held.illuminance)
 
 
+@pytest.mark.slow
 def test_an_adaptive_sun_refines_a_mesh_for_each_block(tmp_path, monkeypatch):
     case = case_of(tmp_path, ("[accuracy]", "[sun]\nmodel = 'adaptive'\n[accuracy]"))
     whole, one = drcmitsuba.evaluate(case), drcmitsuba.evaluate_within(case, memory=1)

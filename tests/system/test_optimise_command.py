@@ -5,6 +5,8 @@ import json
 import pandas as pd
 import pytest
 
+from tests.fast import slowly
+
 CASE = """
 name = "small room"
 [period]
@@ -90,6 +92,7 @@ TWO_SIDES = SHORT.replace("[design]", '[design]\nside = "south"') + WEST
 BRIGHT = "[metrics]\nsda_threshold = 3000.0"
 
 
+@pytest.mark.slow
 def test_windows_of_other_sides_stay_and_light_the_room(run, case, tmp_path):
     case.write_text(SHORT.replace("[metrics]", BRIGHT))
     assert run("optimise", case, "-o", tmp_path / "alone")[0] == 0
@@ -105,7 +108,7 @@ def test_windows_of_other_sides_stay_and_light_the_room(run, case, tmp_path):
     assert fresh["sDA"]["low"] - point <= both["sDA"] <= fresh["sDA"]["high"] + point
 
 
-@pytest.mark.parametrize("drawn", ["glass", "film"])
+@pytest.mark.parametrize("drawn", slowly(["glass", "film"], "glass"))
 def test_shades_may_close_side_by_side(run, case, tmp_path, drawn):
     """Also where the searched side has no clear pane yet, which the search closes by itself."""
     text = TWO_SIDES.replace('material = "glass" }]', f'material = "{drawn}" }}]', 1)

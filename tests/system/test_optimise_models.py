@@ -11,6 +11,7 @@ from drcmitsuba.design.model_layout import ModelLayout
 from drcmitsuba.design.optimise import optimise
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
+from tests.fast import slowly
 from tests.system.every_room import MODELS, write_models
 
 METRICS = "[metrics]\nsda_threshold = 600\n"
@@ -31,7 +32,7 @@ def case_of(folder, name, design=DESIGN):
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(name, marks=[pytest.mark.slow] * (name == "mesh")) for name in MODELS],
+    slowly(MODELS, "mesh", "Radiance model with groups"),
 )
 def test_a_search_is_simulations_and_finds_what_a_sweep_finds(tmp_path, name):
     case = case_of(tmp_path, name)

@@ -104,6 +104,7 @@ case = "case.toml"
     assert "bad.xml" in table["error"][6]
 
 
+@pytest.mark.slow
 def test_numbers_do_not_depend_on_how_many_workers_share_the_rows(cases):
     backend.select()
     job = FacadesJob(cases, [0, 3, 7])

@@ -82,7 +82,7 @@ states = ["shade"]
     [
         pytest.param("", id="one side"),
         pytest.param(EAST, id="two sides", marks=pytest.mark.slow),
-        pytest.param(EAST + GROUPS, id="groups of panes"),
+        pytest.param(EAST + GROUPS, id="groups of panes", marks=pytest.mark.slow),
     ],
 )
 def test_variants_are_what_each_is_alone(run, tmp_path, same, more):

@@ -5,6 +5,7 @@ import pytest
 import drcmitsuba
 from drcmitsuba.annual.variants import evaluate_variants
 from drcmitsuba.runtime.errors import InputError
+from tests.fast import slowly
 from tests.system.every_room import MODELS, of_another_pane, write_models
 
 FINER = "replicates = 2\npaths = 16", "replicates = 6\npaths = 48"
@@ -25,7 +26,7 @@ def cases(tmp_path):
     return cases
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", slowly(MODELS, "Radiance model with groups"))
 def test_variants_of_models_are_what_each_is_alone(cases, same, name):
     pair = cases(name)
     every = list(evaluate_variants(pair))

@@ -6,6 +6,7 @@ import sys
 import pytest
 
 from tests import ROOT, SHARED, skips
+from tests.fast import slowly
 
 FILES = {
     "test_whole.py": 'from tests import skips\nskips.UNFIT_LLVM.skip("whole file")\n',
@@ -45,7 +46,7 @@ def run(tmp_path):
     return run
 
 
-@pytest.mark.parametrize("processes", [0, 2])
+@pytest.mark.parametrize("processes", slowly([0, 2], 2))
 def test_expected_skips_are_counted_and_others_fail_the_run(run, processes):
     code, lines = run(processes=processes)
     assert LINE in lines

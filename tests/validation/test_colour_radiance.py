@@ -109,6 +109,7 @@ def by_rcontrib(case: Case, folder: Path, repeats: int) -> np.ndarray:
     return np.moveaxis(every, -1, 1)[:, ::-1] * tau[:, None, None]
 
 
+@pytest.mark.slow
 def test_a_coloured_room_behind_coloured_glass(case, same, tmp_path):
     theirs = by_rcontrib(case, tmp_path, 8).mean(axis=2)
     points, normals = prepared(case).receivers.at()

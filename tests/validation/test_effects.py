@@ -19,6 +19,7 @@ from drcmitsuba.case.shipped import shipped_folder
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.sky.daylight import daylight
+from tests.fast import slowly
 
 X, Y, Z = 3.0, 4.0, 2.8
 GLASS = {"type": "glazing", "transmittance": 0.7}
@@ -213,7 +214,7 @@ def test_one_feature_flips_one_effect(name, tmp_path):
     assert on[name].reason != off[name].reason
 
 
-@pytest.mark.parametrize("name", EFFECTS)
+@pytest.mark.parametrize("name", slowly(EFFECTS, "scattering_panes", "straight_through", "colour"))
 def test_forcing_what_is_left_out_changes_nothing_and_costs_rays(name, tmp_path):
     _, without = pairs(tmp_path)[name]
     E, total, rays = simulated(without)
@@ -231,7 +232,9 @@ def test_forcing_what_is_left_out_changes_nothing_and_costs_rays(name, tmp_path)
         assert z_of(forced, E) < 3 or abs(forced - E).max() <= 1e-5 * E.max()
 
 
-@pytest.mark.parametrize("name", [name for name in EFFECTS if name != "dark_hours"])
+@pytest.mark.parametrize(
+    "name", slowly([name for name in EFFECTS if name != "dark_hours"], "pane_to_pane", "components")
+)
 def test_leaving_out_what_is_needed_changes_the_answer(name, tmp_path):
     needs, _ = pairs(tmp_path)[name]
     if name == "straight_through":  # little light, but straight
@@ -291,6 +294,7 @@ def test_a_three_phase_sun_that_is_off_to_the_side_closes_the_shade(tmp_path):
     np.testing.assert_allclose(total, forced, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_sun_that_a_facade_mirrors_closes_the_shade(tmp_path):
     data = pairs(tmp_path)["shaded_state"][0]
     strips_ = [{"bottom": 0.3, "top": 2.5, "material": "mirror"}]

@@ -190,6 +190,7 @@ FILM = Accuracy(
 )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_what_the_film_brings(case_of, same, tmp_path):
     """Ours, the file's cells, and Radiance's value of every ray, for 16 sensors and 3 suns."""
     case = only_film(case_of("o2"))

@@ -34,6 +34,7 @@ from drcmitsuba.runtime.toml import checked
 from drcmitsuba.scene.structures.recipe import Recipe
 from drcmitsuba.scene.structures.structure import UnitCell, unit_cell
 from tests import ROOT, radiance, skips
+from tests.fast import slowly
 
 pyradiance = skips.module("pyradiance")
 
@@ -95,7 +96,7 @@ def agree(ours: np.ndarray, theirs: np.ndarray, rays: int) -> float:
     return float(abs(ours - theirs).max())
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", slowly(CASES, "acrylic saw-tooth"))
 def test_genbsdf_finds_the_same(name):
     backend.select()
     structure, material, limits, depth, rays = CASES[name]

@@ -97,6 +97,7 @@ def test_sky(few, program, same, tmp_path):
     same(mine.mean(axis=1), other=theirs.mean(axis=1), within=0.002)
 
 
+@pytest.mark.slow
 def test_suns(few, same, tmp_path):
     C, *room = few
     room = radiance.Room(*room, tmp_path)
@@ -124,6 +125,7 @@ def glazed(case: Case, transmissivity: float) -> scene.Scene:
     )
 
 
+@pytest.mark.slow
 def test_glass(same, tmp_path):
     """Radiance's `glass`, mirrored light back into the room included."""
     case = load_case("classroom/reference/existing")

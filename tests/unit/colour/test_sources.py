@@ -64,7 +64,7 @@ def test_takagi_is_bluer_for_dark_patches_and_ends_at_6500_K(case):
 def test_one_temperature_for_all_is_a_phase_of_daylight(case, light):
     grey = case.with_tables(colour=Colour(bands=9, sky=6504.0, sun=6504.0))
     spectra = SourceSpectra.of(grey, light, BANDS)
-    for band in range(len(BANDS)):
+    for band in (0, 4, 8):
         sky = spectra.of_band(light.sky, band)
         # D65 as CIE tabulates it, beside the phase that its formula gives at 6504 K.
         for name in ("sky", "sun"):
@@ -111,7 +111,7 @@ def test_measured_spectra_of_sky_and_sun(case, light, tmp_path):
     of_file = case.with_tables(colour=Colour(bands=9, sky=file, sun=file))
     of_cct = case.with_tables(colour=Colour(bands=9, sky=9000.0, sun=9000.0))
     spectra = [SourceSpectra.of(c, light, BANDS) for c in (of_file, of_cct)]
-    for band in range(len(BANDS)):
+    for band in (0, 4, 8):
         mine, known = (s.of_band(light.sky, band) for s in spectra)
         for name in ("sky", "sun"):
             assert mine[name].values == pytest.approx(known[name].values, rel=1e-3)

@@ -254,6 +254,7 @@ def test_single_tiles_change_no_more_than_the_best_of_all_whole_tiles(year, by_t
     assert 0 < optimum.best.changed <= min(passing) * year.tiles.area[0] + 1e-3
 
 
+@pytest.mark.slow
 def test_a_film_in_a_window_is_no_larger_than_in_a_sweep(year, by_tiles):
     panes = by_tiles.facade.panes
     fixed = Parameter.fixed("sill", 0.9), Parameter.fixed("wwr", 0.5)

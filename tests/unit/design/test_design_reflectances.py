@@ -104,6 +104,7 @@ def film_case(seed=0, replicates=2, **accuracy):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_shade_that_sees_no_film_in_its_own_plane():
     case = film_case(paths=32, film_sky_samples=16)
     interior = Interior.of(case, daylight.daylight(case))

@@ -166,6 +166,7 @@ def test_a_year_is_coefficients_times_luminances(grid):
     assert E.direct.numpy().max() > 1000
 
 
+@pytest.mark.slow
 def test_a_coloured_year_is_that_of_its_luminance():
     """Channels count by their weights in luminance, each as in a simulation of its own."""
     rho = [0.45, 0.2, 0.05]

@@ -92,6 +92,7 @@ def test_the_search_finds_what_a_sweep_finds(year, sweep, limit):
     assert optimum.evaluations < len(sweep)
 
 
+@pytest.mark.slow
 def test_36_tiles_of_their_own_beat_every_named_composition(year):
     """Each under the ASE of the named one, in fewer than 120 evaluations; 3**36 have whole tiles.
 

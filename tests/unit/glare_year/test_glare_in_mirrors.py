@@ -101,6 +101,7 @@ tilt = 30
 """
 
 
+@pytest.mark.slow
 def test_lamellae_are_seen_as_bright_as_they_light_the_eye(tmp_path):
     case = case_in(tmp_path, material="lamellae", more=LAMELLAE)
     backend.select()

@@ -325,6 +325,7 @@ def test_the_interval_of_an_exposure_is_that_of_students_t():
     assert 1.0 < ratio.mean() < 1.15
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_in_95_of_100_repetitions():
     E = room().isel(sensor=slice(0, 12))
     names = ("da", "cda", "mean_hours")

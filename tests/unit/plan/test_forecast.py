@@ -26,6 +26,7 @@ from drcmitsuba.runtime.machine_speed import Speed, speed
 from drcmitsuba.runtime.ray_counter import KINDS
 from drcmitsuba.sky.daylight import daylight
 from tests import ROOT
+from tests.fast import slowly
 
 GLASS = {"type": "glazing", "transmittance": 0.65}
 MILKY = {"type": "diffuser", "transmittance": 0.3, "reflectance": 0.2}
@@ -109,7 +110,10 @@ def planned(**changes):
     return plan(case, daylight(case))
 
 
-@pytest.mark.parametrize("kind", KINDS_OF_CASES)
+@pytest.mark.parametrize(
+    "kind",
+    slowly(KINDS_OF_CASES, "diffuser", "no room", "outside", "film behind a building", "white"),
+)
 def test_rays_are_those_that_are_traced(kind):
     case_plan = planned(**KINDS_OF_CASES[kind])
     facts, run = case_plan.facts, Run.of(case_plan.facts.case, case_plan.scope)
@@ -123,9 +127,8 @@ def test_rays_are_those_that_are_traced(kind):
             assert abs(np.log(expected[name] / rays[name])) < np.log(1 + allowed), name
 
 
-@pytest.mark.parametrize(
-    "name", ["classroom/existing", pytest.param("prism/as_bsdf", marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["classroom/existing", "prism/as_bsdf"])
 def test_a_pilot_of_a_shipped_case_is_small_and_gives_its_rays_within_a_factor_of_2(name):
     case = load_case(name)
     case_plan = plan(case, daylight(case))

@@ -282,6 +282,7 @@ WINDOW = [[[-1, -1, 1], [-1, -1, 2], [1, -1, 2], [1, -1, 1]]]
 LOW_SUNS = np.array([[0, -0.8, 0.6], [0.6, -0.48, 0.64], [-0.48, -0.64, 0.6]])
 
 
+@pytest.mark.slow
 def test_coefficients_in_a_room_with_a_mirror_are_those_of_path_tracing(same):
     points = [[0, -0.2, 0.8], [-0.5, 0.5, 0.8], [0.2, 0.4, 1.5]]
     normals = [UP, UP, DOWN]
@@ -371,6 +372,7 @@ def test_picture_of_a_sunlit_mirror_is_that_of_coefficient(gather, same):
     same(blocks(here, 4), other=blocks(there, 4), within=0.01)
 
 
+@pytest.mark.slow
 def test_coated_and_rough_things_are_seen_as_the_path_tracer_sees_them(same):
     """A coat's mirror image is followed, its diffuse light estimated, each path counted once."""
     scene = load(
@@ -438,6 +440,7 @@ def smoothed(x, radius, diameter):
     return (values * margin).sum(axis=1) / margin.sum()
 
 
+@pytest.mark.slow
 def test_radius_shrinks_by_the_rule_and_the_error_with_it(same):
     """Light at the foot of a penumbra, where it curves: the kernel's bias is known."""
     x = np.array([-0.06, 0.06])

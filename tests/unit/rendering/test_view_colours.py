@@ -96,6 +96,7 @@ def test_the_sky_has_the_colour_temperature_of_its_model():
     np.testing.assert_allclose(got, wanted, rtol=0.02)
 
 
+@pytest.mark.slow
 def test_light_between_coloured_surfaces_has_little_noise_of_colour():
     walls = {"wall east": RED, "wall west": (0.1, 0.2, 0.5)}
     plain = {"size": [4.0, 4.0, 3.0], "floor": 0.3, "ceiling": 0.8, "walls": 0.2}
@@ -113,6 +114,7 @@ def test_light_between_coloured_surfaces_has_little_noise_of_colour():
     assert np.mean(np.log(red[0] / red[1])[of_ceiling]) == pytest.approx(0, abs=0.02)
 
 
+@pytest.mark.slow
 def test_stored_light_paths_of_bands_give_the_same_picture(tmp_path):
     case = room(spectra={"floor": BRICK})
     first, again = (prepare(case, size=8, sampling=FEW, folder=tmp_path).at(NOON) for _ in range(2))

@@ -20,6 +20,7 @@ from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.interreflection import interior
+from tests.fast import slowly
 from tests.unit.transport.exact_scenes import (
     BENCH,
     CLOTH,
@@ -63,7 +64,9 @@ def with_sources(surfaces, turn=0.0):
     return mi.load_dict({"type": "scene", **meshes, "sky": sky, "suns": suns}, optimize=False)
 
 
-@pytest.mark.parametrize("name", ROOMS)
+@pytest.mark.parametrize(
+    "name", slowly(ROOMS, "open hole", "house opposite and bench", "opal above clear")
+)
 def test_gd_agrees_with_the_plain_path_tracer(name, same, plain_coefficients):
     case, state = ROOMS[name]()
     points, normals = sensor_points(case)

@@ -105,7 +105,7 @@ def board(reflectance, width=1.0):
     )
 
 
-@pytest.mark.parametrize("solved", [False, True])
+@pytest.mark.parametrize("solved", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_a_change_in_one_room_leaves_the_blocks_of_others(solved, monkeypatch, tmp_path):
     """Light of a room that no path leaves depends on its own surfaces and on what shades it."""
     monkeypatch.setattr(coefficients, "TOGETHER", 20)

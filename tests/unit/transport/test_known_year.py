@@ -12,13 +12,14 @@ from drcmitsuba.transport.elements import known_year
 from drcmitsuba.transport.elements.known_year import KnownYear
 from drcmitsuba.transport.elements.marked_light import MarkedLight
 from drcmitsuba.transport.elements.paths import SolvedReturn
+from tests.fast import slowly
 from tests.unit.transport.exact_scenes import OPPOSITE, SUNS
 from tests.unit.transport.test_light_by_element import case
 
 HOURS = 150
 
 
-@pytest.fixture(scope="module", params=["paths", "cells"])
+@pytest.fixture(scope="module", params=slowly(["paths", "cells"], "paths"))
 def year(request):
     """Light that openings send back on paths, or solved on cells."""
     backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")

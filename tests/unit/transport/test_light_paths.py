@@ -75,7 +75,13 @@ def split(case, state, accuracy=ROUGH, effects=scenes.ALL_EFFECTS, suns=SUNS):
     )
 
 
-@pytest.mark.parametrize(("name", "by_photons"), [*zip(CASES, (True, False), strict=True)])
+@pytest.mark.parametrize(
+    ("name", "by_photons"),
+    [
+        pytest.param(name, by_photons, marks=[pytest.mark.slow] * by_photons)
+        for name, by_photons in zip(CASES, (True, False), strict=True)
+    ],
+)
 def test_windows_and_bounces_add_up_to_the_coefficients(name, by_photons):
     case, state = CASES[name]
     effects = replace(scenes.ALL_EFFECTS, pane_to_pane=by_photons)

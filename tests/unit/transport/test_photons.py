@@ -340,6 +340,7 @@ def beside(material, component="part"):
     return scenes.build([*surfaces_of(case), part], ports=ports), sensor_points(case)
 
 
+@pytest.mark.slow
 def test_a_block_that_mirrors_a_part(same, plain_coefficients):
     scene, sensors = beside(mirror(0.9, specular=0.5))
     here = compute(scene, *sensors, WIDE, ACCURACY)["replicates"].values

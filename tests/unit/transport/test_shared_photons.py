@@ -142,6 +142,7 @@ def test_coefficients_share_photons_and_stay_the_same(states):
     ],
     ids=["furniture", "paint", "turned", "a hole that a shade closes"],
 )
+@pytest.mark.slow
 def test_scenes_that_differ_by_more_share_nothing(states, other):
     (open_, _), points = states(ASIDE, glass=other.get("glass", "glass"))
     shared = SharedPhotons()
@@ -166,6 +167,7 @@ def follows_all(second, seeds, first, shared=None):
     return together == followed(world) - before - together
 
 
+@pytest.mark.slow
 def test_other_seeds_suns_samples_and_heights_share_nothing(states):
     (open_, shaded), points = states(BEFORE)
     higher = points[0] + [0, 0, 0.2], points[1]
