@@ -18,6 +18,7 @@ LONG = (
     "hard", "system", "validation",
     "unit/bsdf/test_bsdf_check.py",
     "unit/design/test_change.py",
+    "unit/design/test_design_film.py",
     "unit/design/test_design_parameters.py",
     "unit/design/test_design_reflectances.py",
     "unit/design/test_facade_groups.py",
@@ -40,11 +41,13 @@ LONG = (
     "unit/standards/test_standards.py",
     "unit/test_skips.py",
     "unit/transport/test_cells_and_transfer.py",
+    "unit/transport/test_coefficients_exact.py",
     "unit/transport/test_coefficients_small_room.py",
     "unit/transport/test_gather.py",
     "unit/transport/test_groups_of_rooms.py",
     "unit/transport/test_interior.py",
     "unit/transport/test_known_year.py",
+    "unit/transport/test_light_by_element.py",
     "unit/transport/test_light_paths.py",
     "unit/transport/test_model_exits.py",
     "unit/transport/test_pane_ports.py",
@@ -55,8 +58,8 @@ LONG = (
 )  # fmt: skip
 """Files and folders of `tests` whose tests take longer."""
 SHORT = (
-    "hard/test_hard_grazing.py", "hard/test_hard_sums.py", "system/test_case_command.py",
-    "system/test_elements.py", "system/test_plan_command.py",
+    "hard/test_hard_sums.py", "system/test_case_command.py", "system/test_elements.py",
+    "system/test_plan_command.py",
 )  # fmt: skip
 """Files in those folders whose tests take no longer."""
 
