@@ -152,6 +152,7 @@ def test_a_year_of_another_evaluation_is_refused(refused, tmp_path):
     assert "2610 of 3650 h" in refused("comply", tmp_path / "week", "--standard", "leed-v4.1")
 
 
+@pytest.mark.slow
 def test_a_case_with_another_period_is_judged_by_the_hours_of_standards(run, results, tmp_path):
     """Before, the case of two months was refused: "440 of 3650 h"."""
     (tmp_path / "case.toml").write_text(CASE)

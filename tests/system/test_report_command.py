@@ -104,6 +104,7 @@ def test_ids_are_unique_and_labels_lead_to_them(page):
     assert all("aria-label" in a for a in images)
 
 
+@pytest.mark.slow
 def test_the_name_of_the_report_follows_the_format(run, copied):
     for option, name in (
         ((), "report.html"),

@@ -157,6 +157,8 @@ EFFECTS = [
     "straight_through", "pane_to_pane", "components", "obstructions", "shaded_state",
     "interreflection", "colour",
 ]  # fmt: skip
+RARER = "scattering_panes", "straight_through", "colour", "films", "obstructions"
+"""Effects that are forced on at night only."""
 PROVED = set(EFFECTS) - {"straight_through"}
 """Forcing these on changes nothing at all, but for the order of sums."""
 FREE = {"pane_to_pane"}
@@ -214,7 +216,7 @@ def test_one_feature_flips_one_effect(name, tmp_path):
     assert on[name].reason != off[name].reason
 
 
-@pytest.mark.parametrize("name", slowly(EFFECTS, "scattering_panes", "straight_through", "colour"))
+@pytest.mark.parametrize("name", slowly(EFFECTS, *RARER))
 def test_forcing_what_is_left_out_changes_nothing_and_costs_rays(name, tmp_path):
     _, without = pairs(tmp_path)[name]
     E, total, rays = simulated(without)

@@ -265,6 +265,7 @@ def escapes(walks, start, size, seed):
     return met
 
 
+@pytest.mark.slow
 def test_box_in_a_uniform_world_gives_the_series_of_its_bounces(year, same):
     # Outside all is of luminance 1, so E(ρ) = π Σ ρⁿ P(n), with P(n) the chance that a walk from
     # the sensor meets n surfaces before it leaves; all of them leave, so that E(1) = π exactly.

@@ -210,6 +210,7 @@ def test_other_errors_and_ctrl_c_before_the_first_evaluation_are_not_hidden(year
         optimise(by_window(Stopping(year, 0, KeyboardInterrupt())))
 
 
+@pytest.mark.slow
 def test_the_front_falls_nowhere_and_holds_the_optimum(year, tmp_path):
     optimum = optimise(by_window(year, ase_limit=30.0), Search(starts=1))
     front = pareto(optimum, [0.0, 15.0, 30.0, 60.0], Search())

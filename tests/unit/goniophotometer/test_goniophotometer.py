@@ -108,6 +108,7 @@ def test_a_clear_structure_loses_no_light():
         assert abs(total.mean() - 1) < 2 * e.lost + 1e-6
 
 
+@pytest.mark.slow
 def test_a_clear_structure_is_reciprocal(same):
     tb, tf = replicates(SAWTOOTH, ("tb", "tf"), depth=3, samples=4096)
     same(tb, other=backward(tf, 8), within=2e-3)

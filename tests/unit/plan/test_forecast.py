@@ -309,7 +309,10 @@ print(*[name for name in unwanted if name in sys.modules])
 """
 
 
-@pytest.mark.parametrize(("pictures", "loaded"), [("off", ""), ("auto", "matplotlib")])
+@pytest.mark.parametrize(
+    ("pictures", "loaded"),
+    [("off", ""), pytest.param("auto", "matplotlib", marks=pytest.mark.slow)],
+)
 def test_matplotlib_is_loaded_where_pictures_are_drawn(pictures, loaded, tmp_path):
     (tmp_path / "monthly.png").write_bytes(b"of an earlier evaluation")
     case = {

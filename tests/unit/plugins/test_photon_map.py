@@ -298,7 +298,7 @@ def test_coefficients_in_a_room_with_a_mirror_are_those_of_path_tracing(same):
     same(free.sum(axis=(0, -1)), other=ours.sum(axis=(0, -1)), within=0.04)
 
 
-@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("turned", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_a_film_that_is_not_reciprocal_lets_through_what_path_tracing_says(turned, same):
     """Photons ask the film the other way round than paths from a sensor."""
     film = {"type": "tensor_tree", "filename": str(PRISM)}
@@ -310,6 +310,7 @@ def test_a_film_that_is_not_reciprocal_lets_through_what_path_tracing_says(turne
     same(ours, other=averaged_coefficients(scene, [[0, 0, 0]], [UP], 0.2)[0], within=0.02)
 
 
+@pytest.mark.slow
 def test_final_gather_finds_what_crosses_the_sensors(same):
     """Light that met a diffuse surface, in two ways; no edge is near enough to matter."""
     things = {

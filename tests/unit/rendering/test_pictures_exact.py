@@ -54,7 +54,7 @@ def test_rays_look_where_the_pixels_of_the_view_do(kind):
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=[pytest.mark.slow] * (name != "house opposite and bench"))
+        pytest.param(name, marks=[pytest.mark.slow] * (name != "glazing with inner reflectance"))
         for name in ROOMS
     ],
 )

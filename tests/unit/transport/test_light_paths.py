@@ -136,6 +136,7 @@ def test_direct_light_of_a_window_is_that_of_a_room_without_the_others(name):
     assert abs(z).max() < 12  # Student's t of 3 and 3 degrees of freedom, some 400 entries
 
 
+@pytest.mark.slow
 def test_every_bounce_agrees_with_the_plain_path_tracer_of_limited_depth(same, plain_coefficients):
     case = room([(0.9, 2.7, "open")])
     points, normals = (a[:2] for a in sensor_points(case))
