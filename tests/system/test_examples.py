@@ -12,6 +12,7 @@ import drcmitsuba
 from tests import ROOT
 from tests.system.test_docs import write_files
 
+pytestmark = pytest.mark.usefixtures("drawn")
 PAGE = ROOT / "docs" / "reference" / "python.md"
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 WITHOUT = (
