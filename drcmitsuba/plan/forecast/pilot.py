@@ -28,7 +28,7 @@ from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.scene import Scene, load
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.cells.cells import CellGrid
-from drcmitsuba.transport.coefficients import compute
+from drcmitsuba.transport.coefficients import compute, groups_of
 from drcmitsuba.transport.films.answers import SAMPLES
 from drcmitsuba.transport.films.films import FEW_ROWS, Films
 from drcmitsuba.transport.films.orientation import Mount
@@ -45,6 +45,9 @@ REPLICATES = 2
 """Number of replicates of a pilot: the smallest that has a standard error."""
 SENSORS, RAYS, VERTICES = 48, 1 << 20, 1 << 16
 """Largest numbers of sensors and of their rays to the sky; approximate number of vertices."""
+MET = 1 << 20
+"""Approximate number of vertices from which the number of cells of a model follows: around it, more
+vertices meet ever more cells."""
 SUNS, PHOTONS, FILM_SAMPLES = 128, 1 << 14, 8
 """Largest number of suns; approximate photons of a replicate; directions from a film's cell."""
 
@@ -64,10 +67,16 @@ class PilotPaths(NamedTuple):
     bounces: float = USUAL
     """Number of vertices of one path for which memory is reserved."""
     times: np.ndarray = np.zeros(0, int)
-    """Number of vertices in each cell that the pilot met, shape (cell,)."""
+    """Number of vertices in each cell that the pilot met, shape (cell,). A cell that sensors of
+    several `groups_of` rooms meet is lit for each of them, and counts as often."""
+    met: int = 0
+    """Number of cells that `REPLICATES` of the pilot met."""
 
     @classmethod
-    def of(cls, scene: Scene, points: np.ndarray, normals: np.ndarray, a: Accuracy) -> PilotPaths:
+    def of(
+        cls, scene: Scene, points: np.ndarray, normals: np.ndarray, a: Accuracy,
+        rooms: np.ndarray | None,
+    ) -> PilotPaths:  # fmt: skip
         """Trace the paths of the pilot's sensors, as `compute` does."""
         if scene.effects.depth == 0:
             return cls()
@@ -78,13 +87,20 @@ class PilotPaths(NamedTuple):
             bounces = expected_bounces(scene, points, normals, a.paths, grid, seed)
         before = counted()["path"]
         some = _sensors(len(points), a, bounces)
+        replicates = REPLICATES
+        if rooms is not None:
+            replicates = max(REPLICATES, int(MET / (len(some) * a.paths * bounces)))
         vertices = gather(
-            scene, points[some], normals[some], replicates=REPLICATES, paths=a.paths, grid=grid,
+            scene, points[some], normals[some], replicates=replicates, paths=a.paths, grid=grid,
             seed=launch_seed(a.seed, Stream.PATHS), bounces=bounces, once=once,
         )  # fmt: skip
-        traced, rays = REPLICATES * len(some) * a.paths, counted()["path"] - before
-        times = np.unique(vertices.key.numpy(), return_counts=True)[1]
-        return cls(rays / traced, len(vertices) / traced, before, bounces, times)
+        traced, rays = replicates * len(some) * a.paths, counted()["path"] - before
+        ends = [group.stop for group in groups_of(rooms, len(points))]
+        row, (cells, cell) = vertices.row.numpy(), np.unique(vertices.key, return_inverse=True)
+        group = np.searchsorted(ends, some, side="right")[row % len(some)]
+        times = np.unique(group * len(cells) + cell, return_counts=True)[1]
+        met = len(np.unique(cell[row < REPLICATES * len(some)]))
+        return cls(rays / traced, len(vertices) / traced, before, bounces, times, met)
 
     def cells(self, vertices: float) -> float:
         """Number of cells that this number of vertices meets, by Chao's estimator [1]_.
@@ -137,13 +153,13 @@ class Pilot:
         case, effects = plan.simulated, plan.scope
         scene = load(case, state, 1 if effects.channels else -1, effects)
         points, normals = prepared(case).receivers.at()
-        a = case.accuracy.of_points(len(points))
+        a, rooms = case.accuracy.of_points(len(points)), prepared(case).rooms_of(points)
         patches = len(Patches(case.sky.subdivision)) if effects.sky or effects.ground else 0
         bins = patches, len(suns.labels)
         few = suns.where(np.isin(np.arange(bins[1]), spread(bins[1], SUNS)))
         if first is not None:
             few = _among(first.few, suns)
-        paths = PilotPaths.of(scene, points, normals, a) if any(bins) else PilotPaths()
+        paths = PilotPaths.of(scene, points, normals, a, rooms) if any(bins) else PilotPaths()
         some = _sensors(len(points), a, paths.bounces)
         photons = min(a.photons, max(1, PHOTONS // (PATCH * patches + len(few.labels) + 1)))
         photons = photons if first is None else first.photons
@@ -160,7 +176,7 @@ class Pilot:
         gathers = scene.ray_counter.counted()["path"] > before
         rays = scene.ray_counter.by_purpose()
         cells = paths.cells(a.replicates * a.paths * len(points) * paths.vertices)
-        met = max(1.0, len(paths.times))
+        met = max(1.0, paths.met)
         if first is not None and not gathers:
             cells = first.cells
             met = max(1.0, cells) if effects.solved_cells else met

@@ -19,12 +19,15 @@ from drcmitsuba.plan import plan
 from drcmitsuba.plan.forecast import cost as cost_of
 from drcmitsuba.plan.forecast import forecast, is_short, work
 from drcmitsuba.plan.forecast.cost import KERNELS
-from drcmitsuba.plan.forecast.pilot import REPLICATES
+from drcmitsuba.plan.forecast.pilot import REPLICATES, PilotPaths
 from drcmitsuba.plan.forecast.summed import is_summed, states_of_year
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.machine_speed import Speed, speed
 from drcmitsuba.runtime.ray_counter import KINDS
+from drcmitsuba.scene.prepared_case import prepared
+from drcmitsuba.scene.scene import load
 from drcmitsuba.sky.daylight import daylight
+from drcmitsuba.transport import coefficients as transport
 from tests import ROOT
 from tests.fast import slowly
 
@@ -379,3 +382,15 @@ def test_a_year_of_many_states_is_forecast_as_a_sum():
     assert there.summed_states == 49
     assert "sum over groups" in there.beside(many.to_dict())["shaded_state"]["reason"]
     assert "sum over groups" not in here.beside(few.to_dict())["shaded_state"]["reason"]
+
+
+def test_cells_that_two_rooms_meet_are_lit_for_each(monkeypatch):
+    monkeypatch.setattr(transport, "TOGETHER", 15)
+    case = Case.model_validate(ROOM)
+    scene, (points, normals) = load(case, "open"), prepared(case).receivers.at()
+    rooms = (np.arange(len(points)) >= len(points) // 2).astype(int)
+    accuracy = case.accuracy.of_points(len(points))
+    alone, two = (PilotPaths.of(scene, points, normals, accuracy, told) for told in (None, rooms))
+    assert len(alone.times) == alone.met
+    assert two.met < len(two.times) <= 2 * len(alone.times) * 1.2
+    assert two.times.sum() > 4 * alone.times.sum()  # more vertices meet rarer cells
