@@ -13,7 +13,7 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from threading import Lock
 from typing import NamedTuple
@@ -31,6 +31,8 @@ GROUPS = 64
 """Number of groups of sensors; errors outside the replicates are independent between groups."""
 ENTRIES = 128
 """Number of entries drawn at once: few enough for the cache and for a single thread."""
+HOURS = 64
+"""Number of time stamps that are told apart at once."""
 
 
 class Multipliers(NamedTuple):
@@ -41,6 +43,11 @@ class Multipliers(NamedTuple):
     others: np.ndarray
     """Normal random numbers for errors that no replicate holds, shape (group, draw); a sensor takes
     its group's."""
+
+    @property
+    def with_mean(self) -> np.ndarray:
+        """Weights of the replicates, and 1, that of the mean, shape (replicate + 1, draw)."""
+        return np.concatenate([self.replicates, np.ones((1, DRAWS), np.float32)])
 
 
 def multipliers(replicates: int, seed: int) -> Multipliers:
@@ -82,12 +89,17 @@ class State:
         return cls(coefficients, sky.isel(time=np.flatnonzero(wanted)), row, mean, error)
 
     def classes(self, threshold: float, beyond: float) -> tuple[np.ndarray, np.ndarray]:
-        """Whether entries pass for certain, and whether they may pass, (time, sensor) each."""
-        reach = beyond * self.error
-        nothing = np.zeros((1, self.mean.shape[1]), bool)  # row −1
-        sure = np.concatenate([self.mean - reach >= threshold, nothing])
-        may = np.concatenate([self.mean + reach >= threshold, nothing])
-        return sure[self.row], may[self.row]
+        """Whether entries pass for certain, and whether they may pass, (row, sensor) each."""
+        sure, may = np.empty(self.mean.shape, bool), np.empty(self.mean.shape, bool)
+
+        def some(start: int) -> None:  # so few that they stay in the cache
+            here = slice(start, start + HOURS)
+            mean, reach = self.mean[here], beyond * self.error[here]
+            np.greater_equal(mean - reach, threshold, out=sure[here])
+            np.greater_equal(mean + reach, threshold, out=may[here])
+
+        in_threads(some, range(0, len(self.mean), HOURS))
+        return sure, may
 
     def doubts(
         self, time: np.ndarray, sensor: np.ndarray, threshold: float, drawn: Multipliers
@@ -96,10 +108,13 @@ class State:
         row = self.row[time]
         E = accumulate.replicates_at(self.coefficients, self.sky, row, sensor)
         mean, own = E.mean(axis=0), None
+        off = np.empty((len(row), len(E) + 1), np.float32)
+        np.subtract(E.T, mean[:, None], out=off[:, :-1])
+        np.subtract(mean, threshold, out=off[:, -1])
         if "sun_straight" in self.coefficients:
             own = self.error[row, sensor] ** 2 - E.var(axis=0, ddof=1) / len(E)
             own = np.sqrt(np.maximum(own, 0))
-        return Doubts((E - mean).T, threshold - mean, own, sensor % GROUPS, drawn)
+        return Doubts(off, own, sensor % GROUPS, drawn)
 
 
 @dataclass(frozen=True)
@@ -107,9 +122,8 @@ class Doubts:
     """Entries of illuminance that may lie on both sides of a threshold."""
 
     off: np.ndarray
-    """Differences of the replicates from their mean [lx], shape (entry, replicate)."""
-    missing: np.ndarray
-    """Threshold less the mean [lx], shape (entry,)."""
+    """Differences of the replicates from their mean, and of the mean from the threshold [lx], shape
+    (entry, replicate + 1)."""
     own: np.ndarray | None
     """Standard error that no replicate holds [lx]: that of interpolation in an adaptive sun's mesh,
     and the noise of its straight light. It moves all hours of a sensor together, which overstates
@@ -118,22 +132,34 @@ class Doubts:
     """Group of the entries' sensors."""
     drawn: Multipliers
 
-    def passes(self, begin: int, end: int) -> Iterator[tuple[slice, np.ndarray]]:
-        """Yield some entries after others, and whether E* ≥ threshold in every draw of them."""
+    @classmethod
+    def joined(cls, parts: Sequence[tuple[np.ndarray, Doubts]]) -> Doubts:
+        """Entries of several states, with their places in the whole (entry,), int."""
+        if len(parts) == 1:
+            return parts[0][1]
+        count, first = sum(len(places) for places, _ in parts), parts[0][1]
+        off, group = np.empty((count, first.off.shape[1]), np.float32), np.empty(count, int)
+        own = None if first.own is None else np.empty(count, first.own.dtype)
+        for places, part in parts:
+            off[places], group[places] = part.off, part.group
+            if own is not None:
+                own[places] = part.own
+        return cls(off, own, group, first.drawn)
+
+    def passes(self, begin: int, end: int) -> np.ndarray:
+        """Whether E* ≥ threshold in every draw of some entries, bool, shape (entry, draw)."""
+        passed = np.empty((end - begin, DRAWS), bool)
         for start in range(begin, end, ENTRIES):
             few = slice(start, min(start + ENTRIES, end))
-            yield slice(start - begin, few.stop - begin), self.missing[few, None] <= self._off(few)
+            np.greater_equal(self.above(few), 0, out=passed[start - begin : few.stop - begin])
+        return passed
 
-    def above(self) -> np.ndarray:
-        """E* less the threshold in every draw, shape (entry, draw) [lx]."""
-        return np.asarray(self._off(slice(None)) - self.missing[:, None])
-
-    def _off(self, few: slice) -> np.ndarray:
-        """E* less the mean in every draw of some entries [lx]."""
-        E = self.off[few] @ self.drawn.replicates
+    def above(self, few: slice = slice(None)) -> np.ndarray:
+        """E* less the threshold in every draw of some entries [lx], shape (entry, draw)."""
+        E = self.off[few] @ self.drawn.with_mean
         if self.own is not None:
             E += self.own[few, None] * self.drawn.others[self.group[few]]
-        return E
+        return np.asarray(E)
 
 
 def draw_autonomy(
@@ -143,11 +169,12 @@ def draw_autonomy(
     """Draw sDA and msDA; an hour takes the state of the façade that was drawn for it."""
     beyond = t_factor(len(drawn.replicates), 1 - 2 * BEYOND)
     sure = np.ones((len(closures.state), states[0].mean.shape[1]), bool)
-    may = ~sure
+    may = np.zeros_like(sure)
     for state, here in zip(states, closures.possible, strict=True):
-        of_state = state.classes(threshold, beyond)
-        sure &= of_state[0] | ~here[:, None]
-        may |= of_state[1] & here[:, None]
+        hours, (passes, may_pass) = np.flatnonzero(here), state.classes(threshold, beyond)
+        row = state.row[hours]
+        sure[hours] &= passes[row]
+        may[hours] |= may_pass[row]
     doubtful = may & ~sure
     tally = BootstrapCounts(needed, needed.count(sure), needed.count(doubtful))
     # The matrices are small: threads of the library would wait for each other most of the time.
@@ -162,27 +189,28 @@ def _draw(
     drawn: Multipliers, time: np.ndarray, sensor: np.ndarray,
 ) -> None:  # fmt: skip
     """Draw some entries, and add them to the counts."""
+
+    def doubts(k: int, entries: np.ndarray) -> tuple[np.ndarray, Doubts]:
+        return entries, states[k].doubts(time[entries], sensor[entries], threshold, drawn)
+
+    state = closures.state[time]
+    whole = Doubts.joined([doubts(k, np.flatnonzero(state == k)) for k in np.unique(state)])
     hour = np.full(len(closures.state), -1)
     hour[closures.hours] = np.arange(len(closures.hours))
     hour = hour[time]
-    in_state = closures.possible[:, time]
-    every = [
-        state.doubts(time[some], sensor[some], threshold, drawn)
-        for state, some in zip(states, in_state, strict=True)
-    ]
-    first = np.cumsum(in_state, axis=1) - in_state  # number of a state's entries before each one
+    varies = hour >= 0
+    in_state = [np.flatnonzero(possible[time] & varies) for possible in closures.possible]
+    varying = [(k, *doubts(k, entries)) for k, entries in enumerate(in_state) if len(entries)]
     lock = Lock()
 
     def of_block(block: slice) -> None:
-        passed = np.zeros((block.stop - block.start, DRAWS), bool)
-        for k, doubts in enumerate(every):
-            some = np.flatnonzero(in_state[k, block])
-            begin = first[k, block.start]
-            for few, by_state in doubts.passes(begin, begin + len(some)):
-                at = hour[block][some[few]]
-                if (at >= 0).any():
-                    by_state[at >= 0] &= closures.drawn[at[at >= 0]] == k
-                passed[some[few]] |= by_state
+        passed = whole.passes(block.start, block.stop)
+        passed[varies[block]] = False
+        for k, entries, by_state in varying:
+            begin, end = np.searchsorted(entries, (block.start, block.stop))
+            some = entries[begin:end]
+            taken = closures.drawn[hour[some]] == k
+            passed[some - block.start] |= by_state.passes(begin, end) & taken
         counted = tally.counted(sensor[block], time[block], passed)
         with lock:
             tally.add(counted)
