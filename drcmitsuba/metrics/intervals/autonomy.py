@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from threading import Lock
 from typing import NamedTuple
 
@@ -22,8 +22,9 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.metrics import accumulate
-from drcmitsuba.metrics.intervals.bootstrap_counts import BootstrapCounts, Needed
+from drcmitsuba.metrics.intervals.bootstrap_counts import BootstrapCounts, Needed, draws_passed, sums
 from drcmitsuba.metrics.intervals.facade_draws import Closures
+from drcmitsuba.metrics.intervals.reach import FEWER, Reach
 from drcmitsuba.metrics.intervals.rules import BEYOND, DRAWS, t_factor
 from drcmitsuba.runtime.threads import in_threads, one_blas_thread
 
@@ -38,16 +39,17 @@ HOURS = 64
 class Multipliers(NamedTuple):
     """Random numbers of the draws."""
 
-    replicates: np.ndarray
-    """Weights q·w / √(n (n − 1)), shape (replicate, draw)."""
+    weights: np.ndarray
+    """Weights of the replicates, q·w / √(n (n − 1)), then 1, that of their mean, shape (replicate +
+    1, draw)."""
     others: np.ndarray
     """Normal random numbers for errors that no replicate holds, shape (group, draw); a sensor takes
     its group's."""
 
     @property
-    def with_mean(self) -> np.ndarray:
-        """Weights of the replicates, and 1, that of the mean, shape (replicate + 1, draw)."""
-        return np.concatenate([self.replicates, np.ones((1, DRAWS), np.float32)])
+    def replicates(self) -> np.ndarray:
+        """Weights of the replicates alone, shape (replicate, draw)."""
+        return self.weights[:-1]
 
 
 def multipliers(replicates: int, seed: int) -> Multipliers:
@@ -57,7 +59,8 @@ def multipliers(replicates: int, seed: int) -> Multipliers:
     w = rng.standard_normal((n, DRAWS))
     q = np.sqrt((n - 1) / rng.chisquare(n - 1, DRAWS))
     others = rng.standard_normal((GROUPS, DRAWS)).astype(np.float32)
-    return Multipliers((q * w / math.sqrt(n * (n - 1))).astype(np.float32), others)
+    weights = np.concatenate([q * w / math.sqrt(n * (n - 1)), np.ones((1, DRAWS))])
+    return Multipliers(weights.astype(np.float32), others)
 
 
 @dataclass(frozen=True)
@@ -146,19 +149,36 @@ class Doubts:
                 own[places] = part.own
         return cls(off, own, group, first.drawn)
 
-    def passes(self, begin: int, end: int) -> np.ndarray:
-        """Whether E* ≥ threshold in every draw of some entries, bool, shape (entry, draw)."""
-        passed = np.empty((end - begin, DRAWS), bool)
-        for start in range(begin, end, ENTRIES):
-            few = slice(start, min(start + ENTRIES, end))
-            np.greater_equal(self.above(few), 0, out=passed[start - begin : few.stop - begin])
+    @property
+    def error(self) -> np.ndarray:
+        """Standard error [lx], shape (entry,)."""
+        n = self.off.shape[1] - 1
+        squares = np.einsum("er,er->e", self.off[:, :n], self.off[:, :n]) / (n * (n - 1))
+        return np.sqrt(squares if self.own is None else squares + self.own**2)
+
+    def in_order(self, order: np.ndarray) -> Doubts:
+        """The same entries with other draws first."""
+        drawn = Multipliers(*(numbers[:, order] for numbers in self.drawn))
+        return replace(self, drawn=drawn)
+
+    def passes(self, some: np.ndarray, draws: int = DRAWS) -> np.ndarray:
+        """Whether E* ≥ threshold in the first draws of some entries, bool, shape (entry, draw)."""
+        passed, together = np.empty((len(some), draws), bool), ENTRIES * DRAWS // draws
+        held = np.empty((min(together, len(some)), draws), np.float32)
+        for start in range(0, len(some), together):
+            few = some[start : start + together]
+            E = self.above(few, draws, held[: len(few)])
+            np.greater_equal(E, 0, out=passed[start : start + together])
         return passed
 
-    def above(self, few: slice = slice(None)) -> np.ndarray:
-        """E* less the threshold in every draw of some entries [lx], shape (entry, draw)."""
-        E = self.off[few] @ self.drawn.with_mean
+    def above(
+        self, some: np.ndarray | slice = slice(None), draws: int = DRAWS,
+        out: np.ndarray | None = None,
+    ) -> np.ndarray:  # fmt: skip
+        """E* less the threshold in the first draws of some entries [lx], shape (entry, draw)."""
+        E = np.matmul(self.off[some], self.drawn.weights[:, :draws], out=out)
         if self.own is not None:
-            E += self.own[few, None] * self.drawn.others[self.group[few]]
+            E += self.own[some, None] * self.drawn.others[self.group[some], :draws]
         return np.asarray(E)
 
 
@@ -179,7 +199,7 @@ def draw_autonomy(
     tally = BootstrapCounts(needed, needed.count(sure), needed.count(doubtful))
     # The matrices are small: threads of the library would wait for each other most of the time.
     with one_blas_thread():
-        for time, sensor in tally.wanted(doubtful):
+        for time, sensor in tally.wanted(doubtful) if doubtful.any() else ():
             _draw(tally, states, closures, threshold, drawn, time, sensor)
     return tally
 
@@ -195,23 +215,57 @@ def _draw(
 
     state = closures.state[time]
     whole = Doubts.joined([doubts(k, np.flatnonzero(state == k)) for k in np.unique(state)])
+    reach = Reach.of(drawn.replicates, None if whole.own is None else drawn.others)
+    whole = whole.in_order(reach.order)
     hour = np.full(len(closures.state), -1)
     hour[closures.hours] = np.arange(len(closures.hours))
     hour = hour[time]
-    varies = hour >= 0
-    in_state = [np.flatnonzero(possible[time] & varies) for possible in closures.possible]
+    in_state = [np.flatnonzero(possible[time] & (hour >= 0)) for possible in closures.possible]
     varying = [(k, *doubts(k, entries)) for k, entries in enumerate(in_state) if len(entries)]
+    varying = [(k, entries, own.in_order(reach.order)) for k, entries, own in varying]
+    taken = closures.drawn[:, reach.order]
+    by_mean, near = whole.off[:, -1] >= 0, reach.levels(whole.off[:, -1], whole.error)
+    near[hour >= 0] = 0
+    level = tally.levels(sensor, time, by_mean, near, len(FEWER) - 1)
     lock = Lock()
 
+    def passes(some: np.ndarray, draws: int) -> np.ndarray:
+        """Whether entries, in rising order, pass in the first draws (entry, draw)."""
+        passed = whole.passes(some, draws)
+        passed[hour[some] >= 0] = False
+        for k, entries, own in varying:
+            places = np.minimum(np.searchsorted(some, entries), len(some) - 1)
+            here = np.flatnonzero(some[places] == entries)
+            in_draw = taken[hour[entries[here]], :draws] == k
+            passed[places[here]] |= own.passes(here, draws) & in_draw
+        return passed
+
     def of_block(block: slice) -> None:
-        passed = whole.passes(block.start, block.stop)
-        passed[varies[block]] = False
-        for k, entries, by_state in varying:
-            begin, end = np.searchsorted(entries, (block.start, block.stop))
-            some = entries[begin:end]
-            taken = closures.drawn[hour[some]] == k
-            passed[some - block.start] |= by_state.passes(begin, end) & taken
-        counted = tally.counted(sensor[block], time[block], passed)
+        first = tally.first(sensor[block], time[block])
+        base = np.add.reduceat(by_mean[block], first, dtype=np.int32)
+        counts = np.repeat(base[:, None], DRAWS, axis=1)
+        for k, draws in enumerate(FEWER[:-1]):
+            some = np.flatnonzero(level[block] == k)
+            row = np.searchsorted(first, some, side="right") - 1
+            begins = np.flatnonzero(np.diff(row, prepend=-1))
+            if len(some):
+                own = some + block.start
+                more = sums(passes(own, draws), begins)
+                more -= np.add.reduceat(by_mean[own], begins, dtype=np.int32)[:, None]
+                counts[row[begins], :draws] += more
+        counts[:, reach.order] = counts.copy()
+
+        def share(some: np.ndarray) -> np.ndarray:
+            own = some + block.start
+            count = by_mean[own] * DRAWS
+            for k, draws in enumerate(FEWER[:-1]):
+                here = np.flatnonzero(near[own] == k)
+                if len(here):
+                    passed = draws_passed(passes(own[here], draws))
+                    count[here] = passed + by_mean[own[here]] * (DRAWS - draws)
+            return np.asarray(count / DRAWS)
+
+        counted = tally.summed(sensor[block], time[block], first, counts, share)
         with lock:
             tally.add(counted)
 

@@ -20,11 +20,10 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.case.groups import GroupStates
-from drcmitsuba.runtime.threads import in_threads
 from drcmitsuba.schema import mean_and_error
 from drcmitsuba.transport.coefficient_arrays import with_values, without_values
 from drcmitsuba.transport.elements.paths import SentBack
-from drcmitsuba.transport.elements.weights import BESIDES, HOURS, Year, chosen
+from drcmitsuba.transport.elements.weights import BESIDES, Year, chosen
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -51,6 +50,14 @@ class ElementLight:
         """Whether each array has any light."""
         names = ("straight", "direct", "total", "blocks")
         return {name: bool(getattr(self, name).any()) for name in names}
+
+    @cached_property
+    def seen_pairs(self) -> tuple[np.ndarray, np.ndarray]:
+        """Places of own bins and sensors that see each other straight in some replicate, in a flat
+        array (own bin, sensor), rising, int, shape (pair,); C of the pairs (replicate, pair)."""
+        C = self.straight.reshape(len(self.straight), -1)
+        places = np.flatnonzero(C.any(axis=0)) if self.is_lit["straight"] else np.zeros(0, int)
+        return places, C[:, places]
 
     @property
     def gives_light(self) -> bool:
@@ -165,27 +172,29 @@ class LightByElement:
         tuple of np.ndarray, shape (bin, sensor)
             C and its standard error [sr].
         """
-        shape = (len(bins), len(self.positions))
-        mean, error = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-        parts = []
+        sensors, parts = len(self.positions), []
         for number in (BESIDES, *np.flatnonzero(shares).tolist()):
-            light = self.light(number)
-            _, places, seen = np.intersect1d(bins, light.bins[light.seen], return_indices=True)
-            share = 1.0 if number == BESIDES else float(shares[number])
-            if len(places):
-                parts.append((light.straight, share, places, light.seen[seen]))
-
-        def some(start: int) -> None:
-            stop = min(start + HOURS, len(bins))
-            total = np.zeros((self.replicates, stop - start, shape[1]), np.float32)
-            for values, share, places, own in parts:
-                here = slice(*np.searchsorted(places, (start, stop)))
-                part = values[:, own[here]]
-                total[:, places[here] - start] += part if share == 1 else np.float32(share) * part
-            mean[start:stop], error[start:stop] = mean_and_error(total)
-
-        in_threads(some, range(0, len(bins) if parts else 0, HOURS))
-        return mean, error
+            light, share = self.light(number), np.float32(1 if number == BESIDES else shares[number])
+            pairs, C = light.seen_pairs
+            row = np.searchsorted(bins, light.bins) - np.arange(len(light.bins))
+            wanted = np.isin(light.bins, bins)
+            own = pairs // sensors
+            if not wanted.all():
+                kept = wanted[own]
+                pairs, own, C = pairs[kept], own[kept], C[:, kept]
+            if len(pairs):
+                parts.append((pairs + sensors * row[own], C if share == 1 else share * C))
+        out = np.zeros((2, len(bins), sensors), np.float32)
+        if parts:
+            places, total = parts[0]
+            if len(parts) > 1:
+                places = np.unique(np.concatenate([own for own, _ in parts]))
+                total = np.zeros((self.replicates, len(places)), np.float32)
+                for own, C in parts:
+                    total[:, np.searchsorted(places, own)] += C
+            for array, values in zip(out, mean_and_error(total), strict=True):
+                array.reshape(-1)[places] = values
+        return out[0], out[1]
 
     def _sum(self, some: list[tuple[ElementLight, float]], name: str) -> np.ndarray:
         """Σ w · light of all bins, (replicate, bin, receiver)."""
