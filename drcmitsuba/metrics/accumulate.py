@@ -321,6 +321,9 @@ def illuminance(
                 "compute the coefficients of this state, or evaluate the case",
             )  # fmt: skip
         behind = by_source(other, sky.isel(time=here))
+        if len(here) == len(state):
+            out = out.assign({name: behind[name].variable for name in ("total", "total_se")})
+            break
         for suffix in ("", "_se"):
             out["total" + suffix].values[here] = behind["total" + suffix].values
     at = {name: c for name, c in is_open.coords.items() if c.dims == ("sensor",)}

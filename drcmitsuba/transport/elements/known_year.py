@@ -117,8 +117,14 @@ class KnownYear:
             back = self.light.returned[r]
             G = [np.ascontiguousarray(back.weighed(row).T) for row in rows if differs]
             for row, at in pieces:
-                X = self._weighed(r, rows[row], hours[at])
-                E[r, _run(at)] = X[:, :sensors] + X[:, sensors:] @ G[row] if differs else X
+                here = _run(at)
+                if differs:
+                    X = self._weighed(r, rows[row], hours[at])
+                    E[r, here] = X[:, :sensors] + X[:, sensors:] @ G[row]
+                elif isinstance(here, slice):
+                    self._weighed(r, rows[row], hours[at], E[r, here])
+                else:
+                    E[r, here] = self._weighed(r, rows[row], hours[at])
 
         in_threads(of_replicate, range(len(E)))
 
@@ -135,23 +141,21 @@ class KnownYear:
 
         in_threads(of_replicate, range(len(E)))
 
-    def _weighed(self, replicate: int, shares: np.ndarray, hours: np.ndarray) -> np.ndarray:
+    def _weighed(
+        self, replicate: int, shares: np.ndarray, hours: np.ndarray, out: np.ndarray | None = None
+    ) -> np.ndarray:
         """Σ w_e of all elements' light at some hours (hour, receiver), shares (…, element)."""
-        out, summed = None, False
+        at, parts = _run(hours), []
         for number, lit in self.lit.items():
             share = np.ones((), np.float32) if number == BESIDES else shares[..., number]
-            if not share.any():
-                continue
-            part = lit[replicate][_run(hours)]
-            if not (share == 1).all():
-                part = part * share[..., None]
-            if out is None:
-                out = part
-            elif summed:
-                out += part
-            else:
-                out, summed = out + part, True
-        return np.zeros((len(hours), lit.shape[2]), np.float32) if out is None else out
+            if share.any():
+                part = lit[replicate][at]
+                parts.append(part if (share == 1).all() else part * share[..., None])
+        first, *more = parts if len(parts) > 1 else (*parts, np.float32(0))
+        out = np.add(first, more[0], out=out)
+        for part in more[1:]:
+            out += part
+        return out
 
 
 def _fixed(light: LightByElement) -> np.ndarray:
