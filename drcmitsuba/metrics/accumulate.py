@@ -20,13 +20,10 @@ from drcmitsuba.metrics.bin_luminances import (
     sun_luminances,
 )
 from drcmitsuba.metrics.source_sums import source_sums, sums_at
-from drcmitsuba.metrics.thresholds import run
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.pieces import pieces, run
 from drcmitsuba.runtime.threads import in_threads
 from drcmitsuba.schema import describe, mean_and_error
-
-HOURS = 64
-"""Number of time stamps whose statistics are made at once: so few that they stay in the cache."""
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -61,11 +58,10 @@ def _by_suns(suns: csr_matrix, C: np.ndarray) -> np.ndarray:
     E = np.zeros((len(bins), len(C)), np.result_type(suns, C))
     shines = np.flatnonzero(bins)
 
-    def some(start: int) -> None:  # takes half as long as a product
-        here = slice(start, start + HOURS)
+    def some(here: slice) -> None:  # takes half as long as a product
         E[shines[here]] = C.T[suns.indices[here]] * suns.data[here, None]
 
-    in_threads(some, range(0, len(shines), HOURS))
+    in_threads(some, pieces(len(shines), len(C)))
     return E
 
 
@@ -172,11 +168,10 @@ def _by_hours(known: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray
     shape = (len(at), known.shape[2])
     mean, error = np.empty(shape, known.dtype), np.empty(shape, known.dtype)
 
-    def some(start: int) -> None:
-        here = slice(start, start + HOURS)
+    def some(here: slice) -> None:
         mean[here], error[here] = mean_and_error(known[:, run(at[here])])
 
-    in_threads(some, range(0, len(at), HOURS))
+    in_threads(some, pieces(*shape))
     return mean, error
 
 
@@ -257,7 +252,9 @@ def replicates_at(
     if "illuminance" in coefficients:
         known = coefficients["illuminance"].transpose("replicate", "time", "sensor").values
         pair = _hours_of(coefficients, sky)[time] * known.shape[2] + sensor
-        return np.stack([E.ravel()[pair] for E in known])
+        E = np.empty((len(known), len(pair)), known.dtype)
+        in_threads(lambda r: np.take(known[r], pair, out=E[r], mode="clip"), range(len(known)))
+        return E
     patches = positions_of(coefficients, sky["bin"].values, SAME_SUBDIVISION)
     suns, L = sun_luminances(coefficients, sky), sky["sky"].values.astype(np.float32)
     total = sums_at(coefficients["replicates"].values, patches, L, suns, time, sensor)

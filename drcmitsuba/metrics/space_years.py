@@ -26,15 +26,14 @@ from drcmitsuba.metrics.facade_states import FacadeStates
 from drcmitsuba.metrics.intervals import Rules, t_factor
 from drcmitsuba.metrics.space_tasks import at_target, in_use
 from drcmitsuba.metrics.spaces import SensorsOfSpace
-from drcmitsuba.metrics.thresholds import run, stamps_passed
+from drcmitsuba.metrics.thresholds import stamps_passed
+from drcmitsuba.runtime.pieces import pieces, run
 from drcmitsuba.schema import luminance
 
 SUMMED = ("replicates", "sun_straight", "sun_straight_se", "illuminance")
 """Variables of C that are linear in the sensors."""
 ENTRIES = 1 << 20
 """Number of entries of E whose replicates are held at once."""
-HOURS = 64
-"""Number of time stamps that are compared at once: so few that they stay in the cache."""
 
 
 @dataclass(frozen=True)
@@ -172,8 +171,7 @@ def _autonomy(
     every, enough = wanted.all(), np.zeros(sensors, np.int64)
     # No |E_r − Ē| / √n is larger than √(n − 1) standard errors.
     beyond, doubtful = np.float32(1.001 * np.sqrt(count - 1)), np.empty(E.shape, bool)
-    for start in range(0, len(E) if len(spaces) else 0, HOURS):
-        here = slice(start, start + HOURS)
+    for here in pieces(*E.shape) if len(spaces) else ():
         passed, own = limit <= E[here], doubtful[here]
         np.less_equal(np.abs(E[here] - limit), beyond * error[here], out=own)
         if not every:

@@ -15,6 +15,7 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.pieces import run
 
 BLOCK = 2**18
 """Values compared at once: the comparison stays in the cache, and no large grid is copied whole."""
@@ -109,12 +110,6 @@ def stamps_passed(passed: np.ndarray) -> np.ndarray:
         piece = passed[start : start + MOST].view(np.uint8)
         count += np.add.reduce(piece, axis=0, dtype=np.uint8)
     return count
-
-
-def run(places: np.ndarray) -> slice | np.ndarray:
-    """Places in rising order, as a slice, which makes no copy, where none is left out."""
-    first, last = int(places[0]), int(places[-1])
-    return slice(first, last + 1) if last - first + 1 == len(places) else places
 
 
 def share(passed: np.ndarray) -> float:

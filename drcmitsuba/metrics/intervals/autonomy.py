@@ -26,14 +26,13 @@ from drcmitsuba.metrics.intervals.bootstrap_counts import BootstrapCounts, Neede
 from drcmitsuba.metrics.intervals.facade_draws import Closures
 from drcmitsuba.metrics.intervals.reach import FEWER, Reach
 from drcmitsuba.metrics.intervals.rules import BEYOND, DRAWS, t_factor
+from drcmitsuba.runtime.pieces import pieces
 from drcmitsuba.runtime.threads import in_threads, one_blas_thread
 
 GROUPS = 64
 """Number of groups of sensors; errors outside the replicates are independent between groups."""
 ENTRIES = 128
 """Number of entries drawn at once: few enough for the cache and for a single thread."""
-HOURS = 64
-"""Number of time stamps that are told apart at once."""
 
 
 class Multipliers(NamedTuple):
@@ -95,13 +94,12 @@ class State:
         """Whether entries pass for certain, and whether they may pass, (row, sensor) each."""
         sure, may = np.empty(self.mean.shape, bool), np.empty(self.mean.shape, bool)
 
-        def some(start: int) -> None:  # so few that they stay in the cache
-            here = slice(start, start + HOURS)
+        def some(here: slice) -> None:
             mean, reach = self.mean[here], beyond * self.error[here]
             np.greater_equal(mean - reach, threshold, out=sure[here])
             np.greater_equal(mean + reach, threshold, out=may[here])
 
-        in_threads(some, range(0, len(self.mean), HOURS))
+        in_threads(some, pieces(*self.mean.shape))
         return sure, may
 
     def doubts(

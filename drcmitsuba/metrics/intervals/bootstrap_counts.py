@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from drcmitsuba.metrics.intervals.rules import DRAWS, TAIL
-from drcmitsuba.metrics.thresholds import MOST, run, stamps_passed
+from drcmitsuba.metrics.thresholds import MOST, stamps_passed
+from drcmitsuba.runtime.pieces import run
 
 HELD = 1 << 20
 """Number of entries in doubt that are in memory at once."""
@@ -82,6 +83,15 @@ class BootstrapCounts:
         self.open_year = (of_year < needed.yearly) & (
             of_year + doubtful.sum(axis=1) >= needed.yearly
         )
+
+    def chosen(self, time: np.ndarray, sensor: np.ndarray) -> np.ndarray:
+        """Those of entries in doubt that have to be drawn, indices, sorted as `wanted` sorts them.
+
+        Entries are time stamps and sensors, indices of shape (entry,) each.
+        """
+        month = self.needed.month[time]
+        asked = np.flatnonzero(self.open_months[sensor, month] | self.open_year[sensor])
+        return asked[np.lexsort((time[asked], month[asked], sensor[asked]))]
 
     def wanted(self, doubtful: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Yield the entries of doubtful ones (time, sensor) that have to be drawn.

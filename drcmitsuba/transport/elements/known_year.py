@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from drcmitsuba.runtime.pieces import pieces, run
 from drcmitsuba.runtime.threads import in_threads
 from drcmitsuba.transport.elements.light import LightByElement
-from drcmitsuba.transport.elements.weights import BESIDES, HOURS, Year
+from drcmitsuba.transport.elements.weights import BESIDES, Year
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -107,17 +108,17 @@ class KnownYear:
     ) -> None:
         """Fill in E of few different shares (row, element), each of which holds in many hours."""
         differs, sensors = self._differs, E.shape[2]
-        pieces = [
-            (row, hours_of[start : start + HOURS])
+        jobs = [
+            (row, hours_of[here])
             for row, hours_of in enumerate(np.flatnonzero(of_hour == k) for k in range(len(rows)))
-            for start in range(0, len(hours_of), HOURS)
+            for here in pieces(len(hours_of), sensors)
         ]
 
         def of_replicate(r: int) -> None:
             back = self.light.returned[r]
             G = [np.ascontiguousarray(back.weighed(row).T) for row in rows if differs]
-            for row, at in pieces:
-                here = _run(at)
+            for row, at in jobs:
+                here = run(at)
                 if differs:
                     X = self._weighed(r, rows[row], hours[at])
                     E[r, here] = X[:, :sensors] + X[:, sensors:] @ G[row]
@@ -145,7 +146,7 @@ class KnownYear:
         self, replicate: int, shares: np.ndarray, hours: np.ndarray, out: np.ndarray | None = None
     ) -> np.ndarray:
         """Σ w_e of all elements' light at some hours (hour, receiver), shares (…, element)."""
-        at, parts = _run(hours), []
+        at, parts = run(hours), []
         for number, lit in self.lit.items():
             share = np.ones((), np.float32) if number == BESIDES else shares[..., number]
             if share.any():
@@ -179,9 +180,3 @@ def _returns_differ(light: LightByElement) -> bool:
     """Whether openings send back other light in other façades."""
     by_choice = np.flatnonzero(~_fixed(light))
     return any(np.isin(each.met, by_choice).any() for each in light.returned)
-
-
-def _run(places: np.ndarray) -> slice | np.ndarray:
-    """Places in rising order, as a slice where none is left out."""
-    first, last = int(places[0]), int(places[-1])
-    return slice(first, last + 1) if last - first + 1 == len(places) else places
