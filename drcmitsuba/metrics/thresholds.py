@@ -124,11 +124,27 @@ def monthly_share(
 
     It has the dim `month`, 1 to 12; NaN for a month without time stamps.
     """
+    return monthly(*stamps_by_month(array, name, threshold), required)
+
+
+def stamps_by_month(
+    array: xr.DataArray, name: str, threshold: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Number of time stamps with E ≥ threshold (month, sensor), and of all time stamps (month,)."""
     E, month = checked(array, name), months(array, name)
-    shares = np.full(12, np.nan)
-    for m in np.unique(month):
-        E_m = E[run(np.flatnonzero(month == m))]
-        shares[m - 1] = share(stamps_reached(E_m, threshold) >= required(len(E_m), len(E)))
+    reached, stamps = np.zeros((12, E.shape[1]), np.int64), np.bincount(month, minlength=13)[1:]
+    for m in np.flatnonzero(stamps):
+        reached[m] = stamps_reached(E[run(np.flatnonzero(month == m + 1))], threshold)
+    return reached, stamps
+
+
+def monthly(
+    reached: np.ndarray, stamps: np.ndarray, required: Callable[[int, int], int]
+) -> xr.DataArray:
+    """Share [%] of the sensors by month, as `monthly_share`, from `stamps_by_month`."""
+    shares, whole = np.full(12, np.nan), int(stamps.sum())
+    for m in np.flatnonzero(stamps):
+        shares[m] = share(reached[m] >= required(int(stamps[m]), whole))
     return xr.DataArray(shares, {"month": np.arange(1, 13)}, ("month",), attrs={"units": "%"})
 
 

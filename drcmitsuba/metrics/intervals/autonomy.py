@@ -90,6 +90,11 @@ class State:
             mean[row[rest]], error[row[rest]] = E["total"].values, E["total_se"].values
         return cls(coefficients, sky.isel(time=np.flatnonzero(wanted)), row, mean, error)
 
+    @property
+    def has_own_error(self) -> bool:
+        """Whether there are errors that no replicate holds."""
+        return "sun_straight" in self.coefficients
+
     def classes(self, threshold: float, beyond: float) -> tuple[np.ndarray, np.ndarray]:
         """Whether entries pass for certain, and whether they may pass, (row, sensor) each."""
         sure, may = np.empty(self.mean.shape, bool), np.empty(self.mean.shape, bool)
@@ -112,7 +117,7 @@ class State:
         off = np.empty((len(row), len(E) + 1), np.float32)
         np.subtract(E.T, mean[:, None], out=off[:, :-1])
         np.subtract(mean, threshold, out=off[:, -1])
-        if "sun_straight" in self.coefficients:
+        if self.has_own_error:
             own = self.error[row, sensor] ** 2 - E.var(axis=0, ddof=1) / len(E)
             own = np.sqrt(np.maximum(own, 0))
         return Doubts(off, own, sensor % GROUPS, drawn)
@@ -154,11 +159,6 @@ class Doubts:
         squares = np.einsum("er,er->e", self.off[:, :n], self.off[:, :n]) / (n * (n - 1))
         return np.sqrt(squares if self.own is None else squares + self.own**2)
 
-    def in_order(self, order: np.ndarray) -> Doubts:
-        """The same entries with other draws first."""
-        drawn = Multipliers(*(numbers[:, order] for numbers in self.drawn))
-        return replace(self, drawn=drawn)
-
     def passes(self, some: np.ndarray, draws: int = DRAWS) -> np.ndarray:
         """Whether E* ≥ threshold in the first draws of some entries, bool, shape (entry, draw)."""
         passed, together = np.empty((len(some), draws), bool), ENTRIES * DRAWS // draws
@@ -195,33 +195,33 @@ def draw_autonomy(
         may[hours] |= may_pass[row]
     doubtful = may & ~sure
     tally = BootstrapCounts(needed, needed.count(sure), needed.count(doubtful))
+    reach = Reach.of(drawn.replicates, drawn.others if states[0].has_own_error else None)
+    closures = replace(closures, drawn=closures.drawn[:, reach.order])
+    drawn = Multipliers(*(numbers[:, reach.order] for numbers in drawn))
     # The matrices are small: threads of the library would wait for each other most of the time.
     with one_blas_thread():
         for time, sensor in tally.wanted(doubtful) if doubtful.any() else ():
-            _draw(tally, states, closures, threshold, drawn, time, sensor)
+            _draw(tally, states, closures, reach, threshold, drawn, time, sensor)
+    tally.counts[..., reach.order] = tally.counts.copy()
     return tally
 
 
 def _draw(
-    tally: BootstrapCounts, states: Sequence[State], closures: Closures, threshold: float,
-    drawn: Multipliers, time: np.ndarray, sensor: np.ndarray,
+    tally: BootstrapCounts, states: Sequence[State], closures: Closures, reach: Reach,
+    threshold: float, drawn: Multipliers, time: np.ndarray, sensor: np.ndarray,
 ) -> None:  # fmt: skip
-    """Draw some entries, and add them to the counts."""
+    """Draw some entries, and add them to the counts; draws are in the order of their reach."""
 
     def doubts(k: int, entries: np.ndarray) -> tuple[np.ndarray, Doubts]:
         return entries, states[k].doubts(time[entries], sensor[entries], threshold, drawn)
 
     state = closures.state[time]
     whole = Doubts.joined([doubts(k, np.flatnonzero(state == k)) for k in np.unique(state)])
-    reach = Reach.of(drawn.replicates, None if whole.own is None else drawn.others)
-    whole = whole.in_order(reach.order)
     hour = np.full(len(closures.state), -1)
     hour[closures.hours] = np.arange(len(closures.hours))
     hour = hour[time]
     in_state = [np.flatnonzero(possible[time] & (hour >= 0)) for possible in closures.possible]
     varying = [(k, *doubts(k, entries)) for k, entries in enumerate(in_state) if len(entries)]
-    varying = [(k, entries, own.in_order(reach.order)) for k, entries, own in varying]
-    taken = closures.drawn[:, reach.order]
     by_mean, near = whole.off[:, -1] >= 0, reach.levels(whole.off[:, -1], whole.error)
     near[hour >= 0] = 0
     level = tally.levels(sensor, time, by_mean, near, len(FEWER) - 1)
@@ -234,7 +234,7 @@ def _draw(
         for k, entries, own in varying:
             places = np.minimum(np.searchsorted(some, entries), len(some) - 1)
             here = np.flatnonzero(some[places] == entries)
-            in_draw = taken[hour[entries[here]], :draws] == k
+            in_draw = closures.drawn[hour[entries[here]], :draws] == k
             passed[places[here]] |= own.passes(here, draws) & in_draw
         return passed
 
@@ -251,7 +251,6 @@ def _draw(
                 more = sums(passes(own, draws), begins)
                 more -= np.add.reduceat(by_mean[own], begins, dtype=np.int32)[:, None]
                 counts[row[begins], :draws] += more
-        counts[:, reach.order] = counts.copy()
 
         def share(some: np.ndarray) -> np.ndarray:
             own = some + block.start
