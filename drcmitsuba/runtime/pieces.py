@@ -1,4 +1,4 @@
-"""Pieces of arrays: so small that their sums stay in a core's cache, and views where these will do."""
+"""Pieces of arrays that stay in a core's cache, and views in place of copies."""
 
 from __future__ import annotations
 

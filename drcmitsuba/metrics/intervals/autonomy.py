@@ -22,7 +22,12 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.metrics import accumulate
-from drcmitsuba.metrics.intervals.bootstrap_counts import BootstrapCounts, Needed, draws_passed, sums
+from drcmitsuba.metrics.intervals.bootstrap_counts import (
+    BootstrapCounts,
+    Needed,
+    draws_passed,
+    sums,
+)
 from drcmitsuba.metrics.intervals.facade_draws import Closures
 from drcmitsuba.metrics.intervals.reach import FEWER, Reach
 from drcmitsuba.metrics.intervals.rules import BEYOND, DRAWS, t_factor

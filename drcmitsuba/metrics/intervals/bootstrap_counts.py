@@ -185,9 +185,9 @@ class BootstrapCounts:
     ) -> CountedBlock:  # fmt: skip
         """Count some sensors' wanted entries from those that pass in every row, (row, draw).
 
-        `share` gives the share of the draws in which some entries pass (entry,). Open months and years, which began
-        as not passed, have all of their entries there. This changes nothing, so that threads may
-        count blocks side by side.
+        `share` gives the share of the draws in which some entries pass (entry,). Open months and
+        years, which began as not passed, have all of their entries there. This changes nothing, so
+        that threads may count blocks side by side.
         """
         month = self.needed.month[time]
         sensor_first = np.flatnonzero(np.diff(sensor[first], prepend=-1))
@@ -203,9 +203,7 @@ class BootstrapCounts:
         some = np.flatnonzero(np.isin(sensor, undecided))
         q = share(some)
         doubtful = time[some][(q > TAIL) & (q < 1 - TAIL)]
-        return CountedBlock(
-            sensor[first], month[first], counts, those, passes, passing, doubtful
-        )
+        return CountedBlock(sensor[first], month[first], counts, those, passes, passing, doubtful)
 
     def add(self, counted: CountedBlock) -> None:
         """Add the counts of some sensors."""

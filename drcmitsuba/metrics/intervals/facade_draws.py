@@ -94,8 +94,8 @@ class SunlitSensors:
 
     @classmethod
     def of(
-        cls, passes: np.ndarray, group: np.ndarray | None, grid: np.ndarray, groups: int, sun: SunDraws,
-        grids: int = 0, least: np.ndarray | None = None,
+        cls, passes: np.ndarray, group: np.ndarray | None, grid: np.ndarray, groups: int,
+        sun: SunDraws, grids: int = 0, least: np.ndarray | None = None,
     ) -> SunlitSensors:  # fmt: skip
         """Count; `passes` and `group` have the shape (time, sensor), `grid` (sensor,).
 

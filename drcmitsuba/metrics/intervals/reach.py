@@ -1,8 +1,8 @@
-"""Draws by how far they move an entry: most move none past a threshold that is a few errors away.
+"""Draws by how far they move an entry: most of them move none over a few standard errors.
 
-An entry that lies z standard errors from its threshold is on the same side of it, as its mean is, in
-all draws whose weights are no longer than z (by the inequality of Cauchy and Schwarz). So few entries
-need all draws, and most need only those that reach farthest.
+E* − Ē = Σ_r w_r (E_r − Ē) is at most |w − w̄| · |E_r − Ē|, the inequality of Cauchy and Schwarz: its
+`reach` in standard errors is the length of the weights. An entry farther from its threshold is on
+the side of its mean in that draw. So few entries need all draws, and most the farthest alone.
 """
 
 from __future__ import annotations
@@ -45,9 +45,10 @@ class Reach:
         return cls(order, np.sqrt(squares[order[list(FEWER[1:])]]))
 
     def levels(self, missing: np.ndarray, error: np.ndarray) -> np.ndarray:
-        """Level of entries: they pass, or fail, as by their means in all draws after `FEWER[level]`.
+        """Level of entries, which are on the side of their means in all draws after `FEWER[level]`.
 
-        `missing` is the distance from the threshold, `error` the standard error [lx], (entry,) each.
+        `missing` is the distance from the threshold, `error` the standard error [lx], shape
+        (entry,) each.
         """
         far = (1 - MARGIN) * np.abs(missing) >= self.limits[:, None] * error
         return np.asarray(np.count_nonzero(far & (missing != 0), axis=0))

@@ -148,13 +148,14 @@ class KnownYear:
         """Σ w_e of all elements' light at some hours (hour, receiver), shares (…, element)."""
         at, parts = run(hours), []
         for number, lit in self.lit.items():
-            share = np.ones((), np.float32) if number == BESIDES else shares[..., number]
-            if share.any():
-                part = lit[replicate][at]
+            part = lit[replicate][at]
+            if number == BESIDES:
+                parts.append(part)
+            elif (share := shares[..., number]).any():
                 parts.append(part if (share == 1).all() else part * share[..., None])
-        first, *more = parts if len(parts) > 1 else (*parts, np.float32(0))
-        out = np.add(first, more[0], out=out)
-        for part in more[1:]:
+        first, second, *more = parts if len(parts) > 1 else (parts[0], np.float32(0))
+        out = np.add(first, second, out=out)
+        for part in more:
             out += part
         return out
 

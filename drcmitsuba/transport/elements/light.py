@@ -53,11 +53,26 @@ class ElementLight:
 
     @cached_property
     def seen_pairs(self) -> tuple[np.ndarray, np.ndarray]:
-        """Places of own bins and sensors that see each other straight in some replicate, in a flat
-        array (own bin, sensor), rising, int, shape (pair,); C of the pairs (replicate, pair)."""
+        """Pairs of an own bin and a sensor that see each other straight in some replicate.
+
+        Their places in a flat array (own bin, sensor), rising, int, shape (pair,), and C of them
+        [sr], shape (replicate, pair).
+        """
         C = self.straight.reshape(len(self.straight), -1)
         places = np.flatnonzero(C.any(axis=0)) if self.is_lit["straight"] else np.zeros(0, int)
         return places, C[:, places]
+
+    def seen_at(self, bins: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The same of some bins, positions among all labels in rising order, int, shape (bin,).
+
+        Places are those in a flat array (bin, sensor).
+        """
+        pairs, C = self.seen_pairs
+        own, sensor = np.divmod(pairs, self.straight.shape[2])
+        kept = np.isin(self.bins, bins)[own]
+        if not kept.all():
+            own, sensor, C = own[kept], sensor[kept], C[:, kept]
+        return np.searchsorted(bins, self.bins)[own] * self.straight.shape[2] + sensor, C
 
     @property
     def gives_light(self) -> bool:
@@ -174,16 +189,10 @@ class LightByElement:
         """
         sensors, parts = len(self.positions), []
         for number in (BESIDES, *np.flatnonzero(shares).tolist()):
-            light, share = self.light(number), np.float32(1 if number == BESIDES else shares[number])
-            pairs, C = light.seen_pairs
-            row = np.searchsorted(bins, light.bins) - np.arange(len(light.bins))
-            wanted = np.isin(light.bins, bins)
-            own = pairs // sensors
-            if not wanted.all():
-                kept = wanted[own]
-                pairs, own, C = pairs[kept], own[kept], C[:, kept]
-            if len(pairs):
-                parts.append((pairs + sensors * row[own], C if share == 1 else share * C))
+            places, C = self.light(number).seen_at(bins)
+            share = np.float32(1 if number == BESIDES else shares[number])
+            if len(places):
+                parts.append((places, C if share == 1 else share * C))
         out = np.zeros((2, len(bins), sensors), np.float32)
         if parts:
             places, total = parts[0]
