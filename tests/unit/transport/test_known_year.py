@@ -7,6 +7,7 @@ import pytest
 from scipy.sparse import csr_matrix
 
 from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.transport import elements
@@ -27,10 +28,11 @@ def light(request):
     backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
     effects = EnabledEffects(solved_cells=request.param == "cells")
     one = case(furniture=[OPPOSITE])
-    light = elements.compute(one, PaneGroups.of(one), SUNS, one.accuracy, effects)
     kind = SolvedReturn if request.param == "cells" else MarkedLight
-    assert all(isinstance(returned, kind) for returned in light.returned)
-    return light
+    with one_blas_thread():  # as in an evaluation
+        light = elements.compute(one, PaneGroups.of(one), SUNS, one.accuracy, effects)
+        assert all(isinstance(returned, kind) for returned in light.returned)
+        yield light
 
 
 @pytest.fixture(scope="module", params=["by fills", "by one fill"])
