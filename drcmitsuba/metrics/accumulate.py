@@ -56,7 +56,7 @@ def _by_suns(suns: csr_matrix, C: np.ndarray) -> np.ndarray:
     if (bins > 1).any():
         return np.asarray(suns @ C.T)
     E = np.zeros((len(bins), len(C)), np.result_type(suns, C))
-    kept = np.flatnonzero(C.any(axis=0)[suns.indices])  # straight light comes from few suns
+    kept = np.flatnonzero(np.any(C, axis=0)[suns.indices])  # straight light comes from few suns
     shines, of_hour, L = np.flatnonzero(bins)[kept], suns.indices[kept], suns.data[kept, None]
 
     def some(here: slice) -> None:  # takes half as long as a product

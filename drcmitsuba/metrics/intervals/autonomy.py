@@ -205,7 +205,7 @@ def draw_autonomy(
     drawn = Multipliers(*(numbers[:, reach.order] for numbers in drawn))
     # The matrices are small: threads of the library would wait for each other most of the time.
     with one_blas_thread():
-        for time, sensor in tally.wanted(doubtful) if doubtful.any() else ():
+        for time, sensor in tally.wanted(doubtful):
             _draw(tally, states, closures, reach, threshold, drawn, time, sensor)
     tally.counts[..., reach.order] = tally.counts.copy()
     return tally

@@ -107,7 +107,8 @@ class BootstrapCounts:
             asked = np.ascontiguousarray(doubtful[order, first:last].T)
             asked &= open_months[first:last, self.needed.month[order]]
             sensor, place = np.divmod(np.flatnonzero(asked), len(order))
-            yield order[place], sensor + first
+            if len(sensor):
+                yield order[place], sensor + first
 
     def blocks(self, sensor: np.ndarray) -> Iterator[slice]:
         """Cut entries that are sorted by their `sensor` into blocks of whole sensors."""
