@@ -189,9 +189,9 @@ class ChosenFacade:
         for k in range(len(groups)):
             straight = np.zeros_like(most)
             for e in np.flatnonzero((group == k) & (shares != 0)):
-                own = light.elements[e]
-                _, here, there = np.intersect1d(bins, own.bins[own.seen], return_indices=True)
-                straight[:, here] += shares[e] * own.straight[:, own.seen[there]].mean(axis=0).T
+                places, straight_of = light.elements[e].seen_at(bins)
+                at, sensor = np.divmod(places, len(straight))
+                straight[sensor, at] += shares[e] * straight_of.mean(axis=0)
             out[straight > most] = k
             most = np.maximum(most, straight)
         out[:, bins < light.sky_bins] = -1  # a sun alone closes a group

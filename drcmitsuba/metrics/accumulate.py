@@ -21,19 +21,20 @@ from drcmitsuba.metrics.bin_luminances import (
 )
 from drcmitsuba.metrics.source_sums import source_sums, sums_at
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.pieces import pieces, run
 from drcmitsuba.runtime.threads import in_threads
 from drcmitsuba.schema import describe, mean_and_error
-
-HOURS = 64
-"""Number of time stamps whose statistics are made at once: so few that they stay in the cache."""
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
 
-def _refuse_gaps(values: np.ndarray, sky: xr.Dataset) -> None:
-    """Refuse NaN: the shaded state has coefficients only for the hours in which it closes."""
-    gaps = np.flatnonzero(np.isnan(values.sum(axis=-1)))  # sums take a third of the time of each
+def _refuse_gaps(lost: np.ndarray, sky: xr.Dataset) -> None:
+    """Refuse time stamps without numbers, which are not 0 in `lost` (time,).
+
+    The shaded state has coefficients only for the hours in which it closes.
+    """
+    gaps = np.flatnonzero(lost)
     if len(gaps):
         first = np.datetime_as_string(sky["time"].values[gaps[0]], unit="m")
         raise InputError(
@@ -55,13 +56,13 @@ def _by_suns(suns: csr_matrix, C: np.ndarray) -> np.ndarray:
     if (bins > 1).any():
         return np.asarray(suns @ C.T)
     E = np.zeros((len(bins), len(C)), np.result_type(suns, C))
-    shines = np.flatnonzero(bins)
+    kept = np.flatnonzero(np.any(C, axis=0)[suns.indices])  # straight light comes from few suns
+    shines, of_hour, L = np.flatnonzero(bins)[kept], suns.indices[kept], suns.data[kept, None]
 
-    def some(start: int) -> None:  # takes half as long as a product
-        here = slice(start, start + HOURS)
-        E[shines[here]] = C.T[suns.indices[here]] * suns.data[here, None]
+    def some(here: slice) -> None:  # takes half as long as a product
+        E[shines[here]] = C.T[of_hour[here]] * L[here]
 
-    in_threads(some, range(0, len(shines), HOURS))
+    in_threads(some, pieces(len(shines), len(C)))
     return E
 
 
@@ -85,9 +86,9 @@ def direct_sun(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
     suns = sun_luminances(coefficients, sky)
     out = {}
     for name in ("straight", "straight_se"):
-        values = _by_suns(suns, coefficients[name].values)
-        _refuse_gaps(values, sky)
-        out[name.replace("straight", "direct_sun")] = values
+        C = coefficients[name].values
+        _refuse_gaps(suns @ np.isnan(C.sum(axis=0)), sky)
+        out[name.replace("straight", "direct_sun")] = _by_suns(suns, C)
     return describe(_dataset(sky, out))
 
 
@@ -156,7 +157,7 @@ def by_source(
     suns = sun_luminances(coefficients, sky)
     L = sky["sky"].values.astype(np.float32)
     out = source_sums(coefficients["replicates"].values, patches, L, suns)
-    _refuse_gaps(out["total"], sky)
+    _refuse_gaps(np.isnan(out["total"].sum(axis=1)), sky)  # a third of the time of each
     if "sun_straight" in coefficients:
         straight = direct_sun(coefficients, sky) if direct is None else direct
         _add_straight(out, coefficients, sky, straight)
@@ -168,11 +169,10 @@ def _by_hours(known: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray
     shape = (len(at), known.shape[2])
     mean, error = np.empty(shape, known.dtype), np.empty(shape, known.dtype)
 
-    def some(start: int) -> None:
-        here = slice(start, start + HOURS)
-        mean[here], error[here] = mean_and_error(known[:, at[here]])
+    def some(here: slice) -> None:
+        mean[here], error[here] = mean_and_error(known[:, run(at[here])])
 
-    in_threads(some, range(0, len(at), HOURS))
+    in_threads(some, pieces(*shape))
     return mean, error
 
 
@@ -252,7 +252,10 @@ def replicates_at(
     """
     if "illuminance" in coefficients:
         known = coefficients["illuminance"].transpose("replicate", "time", "sensor").values
-        return known[:, _hours_of(coefficients, sky)[time], sensor]
+        pair = _hours_of(coefficients, sky)[time] * known.shape[2] + sensor
+        E = np.empty((len(known), len(pair)), known.dtype)
+        in_threads(lambda r: np.take(known[r], pair, out=E[r], mode="clip"), range(len(known)))
+        return E
     patches = positions_of(coefficients, sky["bin"].values, SAME_SUBDIVISION)
     suns, L = sun_luminances(coefficients, sky), sky["sky"].values.astype(np.float32)
     total = sums_at(coefficients["replicates"].values, patches, L, suns, time, sensor)
@@ -292,7 +295,8 @@ def illuminance(
     """
     direct = direct_sun(is_open, sky) if direct is None else direct
     if "illuminance" in is_open:
-        empty = {name: direct["direct_sun"].variable.copy() for name in ("total", "total_se")}
+        like = direct["direct_sun"].variable
+        empty = {n: like.copy(data=np.empty_like(like.values)) for n in ("total", "total_se")}
         out, states = direct.assign(empty), list(enumerate([is_open, *others]))
     else:
         parts = by_source(is_open, sky, direct)
@@ -315,6 +319,9 @@ def illuminance(
                 "compute the coefficients of this state, or evaluate the case",
             )  # fmt: skip
         behind = by_source(other, sky.isel(time=here))
+        if len(here) == len(state):
+            out = out.assign({name: behind[name].variable for name in ("total", "total_se")})
+            break
         for suffix in ("", "_se"):
             out["total" + suffix].values[here] = behind["total" + suffix].values
     at = {name: c for name, c in is_open.coords.items() if c.dims == ("sensor",)}

@@ -174,11 +174,15 @@ def numbered(groups: GroupStates, indices: np.ndarray) -> tuple[tuple[State, ...
 
     Where they are too many, all but the open one are `VARYING`.
     """
-    rows, inverse = np.unique(indices.reshape(-1, len(groups)), axis=0, return_inverse=True)
-    number = inverse.reshape(indices.shape[:-1])
+    every = indices.reshape(-1, len(groups))
+    number = np.zeros(len(every), np.int64)
+    for column in every.T:  # by the first group, then by the second, …
+        _, number = np.unique(number * (1 + every.max()) + column, return_inverse=True)
+    _, first = np.unique(number, return_index=True)
+    rows, of_indices = every[first], number.reshape(indices.shape[:-1])
     if len(rows) > most_states(groups):
         return (OPEN, VARYING), indices.any(axis=-1).astype(int)
     states = [groups.label(row) for row in rows]
     if OPEN not in states:
-        return (OPEN, *states), number + 1
-    return tuple(states), number  # (0, …, 0) is the least row
+        return (OPEN, *states), of_indices + 1
+    return tuple(states), of_indices  # (0, …, 0) is the least row

@@ -44,13 +44,10 @@ def sensor_counts(illuminance: xr.Dataset, rules: Rules) -> xr.Dataset:
         `DA_low`, `DA_high` (sensor) [%] from `space_tasks.at_target`.
     """
     total, direct = luminance(illuminance["total"]), luminance(illuminance["direct_sun"])
-    month, t = metrics.months(total), rules.metrics
+    t = rules.metrics
 
     def count(E: xr.DataArray, name: str, limit: float) -> np.ndarray:
-        values = thresholds.checked(E, name)
-        return np.stack(
-            [thresholds.stamps_reached(values[month == m], limit) for m in range(1, 13)], axis=1
-        )
+        return thresholds.stamps_by_month(E, name, limit)[0].T
 
     counted = {
         "enough": (("sensor", "month"), count(total, "illuminance", t.sda_threshold)),

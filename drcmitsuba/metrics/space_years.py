@@ -26,6 +26,8 @@ from drcmitsuba.metrics.facade_states import FacadeStates
 from drcmitsuba.metrics.intervals import Rules, t_factor
 from drcmitsuba.metrics.space_tasks import at_target, in_use
 from drcmitsuba.metrics.spaces import SensorsOfSpace
+from drcmitsuba.metrics.thresholds import stamps_passed
+from drcmitsuba.runtime.pieces import pieces, run
 from drcmitsuba.schema import luminance
 
 SUMMED = ("replicates", "sun_straight", "sun_straight_se", "illuminance")
@@ -160,25 +162,33 @@ def _autonomy(
     )
     count, sensors = states[0][0].sizes["replicate"], E.shape[1]
     limit, weight = np.full(sensors, np.inf, np.float32), np.zeros(sensors)
-    space_of, wanted = np.zeros(sensors, int), np.zeros(E.shape, bool)
+    space_of, wanted = np.zeros(sensors, int), np.zeros((len(E), len(spaces)), bool)
     for k, space in enumerate(spaces):
-        hours = in_use(space, illuminance, rules.step_hours)
+        wanted[:, k] = in_use(space, illuminance, rules.step_hours)
         limit[space.sensors] = space.target or rules.metrics.sda_threshold
-        weight[space.sensors] = 100 * space.shares / hours.sum()
-        wanted[np.ix_(hours, space.sensors)] = True
+        weight[space.sensors] = 100 * space.shares / wanted[:, k].sum()
         space_of[space.sensors] = k
-    passed = limit <= E
-    enough = weight * (passed & wanted).sum(axis=0)
-    out = np.tile(np.bincount(space_of, enough, len(spaces)), (count + 1, 1))
+    every, enough = wanted.all(), np.zeros(sensors, np.int64)
     # No |E_r − Ē| / √n is larger than √(n − 1) standard errors.
-    doubtful = (np.abs(E - limit) <= 1.001 * np.sqrt(count - 1) * error) & wanted
-    for C, hours in states:
-        sensor, row = np.nonzero(doubtful[hours].T)
+    beyond, doubtful = np.float32(1.001 * np.sqrt(count - 1)), np.empty(E.shape, bool)
+    for here in pieces(*E.shape) if len(spaces) else ():
+        passed, own = limit <= E[here], doubtful[here]
+        np.less_equal(np.abs(E[here] - limit), beyond * error[here], out=own)
+        if not every:
+            of_sensor = wanted[here, space_of]
+            passed &= of_sensor
+            own &= of_sensor
+        enough += stamps_passed(passed)
+    out = np.tile(np.bincount(space_of, weight * enough, len(spaces)), (count + 1, 1))
+    for C, hours in states if len(spaces) else ():
+        row, sensor = np.divmod(np.flatnonzero(doubtful[run(hours)]), sensors)
         at = sky.isel(time=hours)
         for start in range(0, len(row), ENTRIES):
             some, time = sensor[start : start + ENTRIES], row[start : start + ENTRIES]
             lux = moved(accumulate.replicates_at(C, at, time, some))[1:]
-            more = (lux >= limit[some]).astype(float) - passed[hours[time], some]
-            for variant, change in zip(out[1:], more, strict=True):
-                variant += np.bincount(space_of[some], weight[some] * change, len(spaces))
+            passed, of_sensor = E[hours[time], some] >= limit[some], weight[some]
+            for variant, more in zip(out[1:], lux >= limit[some], strict=True):
+                changed = np.flatnonzero(more != passed)
+                change = np.where(more[changed], of_sensor[changed], -of_sensor[changed])
+                variant += np.bincount(space_of[some[changed]], change, len(spaces))
     return out

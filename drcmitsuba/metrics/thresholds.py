@@ -15,9 +15,12 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.pieces import run
 
 BLOCK = 2**18
 """Values compared at once: the comparison stays in the cache, and no large grid is copied whole."""
+MOST = 255
+"""Largest count of a byte: sums of bytes are several times as fast as sums of larger numbers."""
 
 
 def months(array: xr.DataArray, name: str = "illuminance") -> np.ndarray:
@@ -96,7 +99,16 @@ def stamps_reached(E: np.ndarray, threshold: float) -> np.ndarray:
     limit = not_negative("threshold", threshold)
     count = np.zeros(E.shape[1], dtype=np.int64)
     for block in blocks(E):
-        count += np.count_nonzero(block >= limit, axis=0)
+        count += stamps_passed(block >= limit)
+    return count
+
+
+def stamps_passed(passed: np.ndarray) -> np.ndarray:
+    """Number of the first dim's entries that passed, int32, of bool (time, …): (…)."""
+    count = np.zeros(passed.shape[1:], np.int32)
+    for start in range(0, len(passed), MOST):
+        piece = passed[start : start + MOST].view(np.uint8)
+        count += np.add.reduce(piece, axis=0, dtype=np.uint8)
     return count
 
 
@@ -112,13 +124,27 @@ def monthly_share(
 
     It has the dim `month`, 1 to 12; NaN for a month without time stamps.
     """
+    return monthly(*stamps_by_month(array, name, threshold), required)
+
+
+def stamps_by_month(
+    array: xr.DataArray, name: str, threshold: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Number of time stamps with E ≥ threshold (month, sensor), and of all time stamps (month,)."""
     E, month = checked(array, name), months(array, name)
-    shares = np.full(12, np.nan)
-    for m in np.unique(month):
-        here = np.flatnonzero(month == m)
-        whole = here[-1] - here[0] + 1 == len(here)  # a slice makes no copy
-        E_m = E[here[0] : here[-1] + 1] if whole else E[here]
-        shares[m - 1] = share(stamps_reached(E_m, threshold) >= required(len(E_m), len(E)))
+    reached, stamps = np.zeros((12, E.shape[1]), np.int64), np.bincount(month, minlength=13)[1:]
+    for m in np.flatnonzero(stamps):
+        reached[m] = stamps_reached(E[run(np.flatnonzero(month == m + 1))], threshold)
+    return reached, stamps
+
+
+def monthly(
+    reached: np.ndarray, stamps: np.ndarray, required: Callable[[int, int], int]
+) -> xr.DataArray:
+    """Share [%] of the sensors by month, as `monthly_share`, from `stamps_by_month`."""
+    shares, whole = np.full(12, np.nan), int(stamps.sum())
+    for m in np.flatnonzero(stamps):
+        shares[m] = share(reached[m] >= required(int(stamps[m]), whole))
     return xr.DataArray(shares, {"month": np.arange(1, 13)}, ("month",), attrs={"units": "%"})
 
 

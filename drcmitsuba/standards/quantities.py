@@ -10,7 +10,7 @@ import xarray as xr
 from drcmitsuba import metrics
 from drcmitsuba.metrics import Interval, thresholds
 from drcmitsuba.metrics.intervals import t_factor
-from drcmitsuba.metrics.intervals.autonomy import State, multipliers
+from drcmitsuba.metrics.intervals.autonomy import ENTRIES, State, multipliers
 from drcmitsuba.metrics.intervals.rules import BEYOND, DRAWS, TAIL
 from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.schema import by_luminance
@@ -215,8 +215,10 @@ def _drawn_means(year: StandardYear, limit: float) -> np.ndarray:
     out = np.repeat(np.count_nonzero(sure, axis=0)[:, None], DRAWS, axis=1)
     with one_blas_thread():  # as in `draw_autonomy`
         space, time = np.nonzero((may & ~sure).T)
-        for few, passed in state.doubts(time, space, limit, drawn).passes(0, len(time)):
-            np.add.at(out, space[few], passed)
+        doubts = state.doubts(time, space, limit, drawn)
+        for start in range(0, len(time), ENTRIES):
+            few = np.arange(start, min(start + ENTRIES, len(time)))
+            np.add.at(out, space[few], doubts.passes(few))
     return out
 
 

@@ -13,8 +13,8 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from threading import Lock
 from typing import NamedTuple
 
@@ -22,9 +22,16 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.metrics import accumulate
-from drcmitsuba.metrics.intervals.bootstrap_counts import BootstrapCounts, Needed
+from drcmitsuba.metrics.intervals.bootstrap_counts import (
+    BootstrapCounts,
+    Needed,
+    draws_passed,
+    sums,
+)
 from drcmitsuba.metrics.intervals.facade_draws import Closures
+from drcmitsuba.metrics.intervals.reach import FEWER, Reach
 from drcmitsuba.metrics.intervals.rules import BEYOND, DRAWS, t_factor
+from drcmitsuba.runtime.pieces import pieces
 from drcmitsuba.runtime.threads import in_threads, one_blas_thread
 
 GROUPS = 64
@@ -36,11 +43,17 @@ ENTRIES = 128
 class Multipliers(NamedTuple):
     """Random numbers of the draws."""
 
-    replicates: np.ndarray
-    """Weights q·w / √(n (n − 1)), shape (replicate, draw)."""
+    weights: np.ndarray
+    """Weights of the replicates, q·w / √(n (n − 1)), then 1, that of their mean, shape (replicate +
+    1, draw)."""
     others: np.ndarray
     """Normal random numbers for errors that no replicate holds, shape (group, draw); a sensor takes
     its group's."""
+
+    @property
+    def replicates(self) -> np.ndarray:
+        """Weights of the replicates alone, shape (replicate, draw)."""
+        return self.weights[:-1]
 
 
 def multipliers(replicates: int, seed: int) -> Multipliers:
@@ -50,7 +63,8 @@ def multipliers(replicates: int, seed: int) -> Multipliers:
     w = rng.standard_normal((n, DRAWS))
     q = np.sqrt((n - 1) / rng.chisquare(n - 1, DRAWS))
     others = rng.standard_normal((GROUPS, DRAWS)).astype(np.float32)
-    return Multipliers((q * w / math.sqrt(n * (n - 1))).astype(np.float32), others)
+    weights = np.concatenate([q * w / math.sqrt(n * (n - 1)), np.ones((1, DRAWS))])
+    return Multipliers(weights.astype(np.float32), others)
 
 
 @dataclass(frozen=True)
@@ -81,13 +95,22 @@ class State:
             mean[row[rest]], error[row[rest]] = E["total"].values, E["total_se"].values
         return cls(coefficients, sky.isel(time=np.flatnonzero(wanted)), row, mean, error)
 
+    @property
+    def has_own_error(self) -> bool:
+        """Whether there are errors that no replicate holds."""
+        return "sun_straight" in self.coefficients
+
     def classes(self, threshold: float, beyond: float) -> tuple[np.ndarray, np.ndarray]:
-        """Whether entries pass for certain, and whether they may pass, (time, sensor) each."""
-        reach = beyond * self.error
-        nothing = np.zeros((1, self.mean.shape[1]), bool)  # row −1
-        sure = np.concatenate([self.mean - reach >= threshold, nothing])
-        may = np.concatenate([self.mean + reach >= threshold, nothing])
-        return sure[self.row], may[self.row]
+        """Whether entries pass for certain, and whether they may pass, (row, sensor) each."""
+        sure, may = np.empty(self.mean.shape, bool), np.empty(self.mean.shape, bool)
+
+        def some(here: slice) -> None:
+            mean, reach = self.mean[here], beyond * self.error[here]
+            np.greater_equal(mean - reach, threshold, out=sure[here])
+            np.greater_equal(mean + reach, threshold, out=may[here])
+
+        in_threads(some, pieces(*self.mean.shape))
+        return sure, may
 
     def doubts(
         self, time: np.ndarray, sensor: np.ndarray, threshold: float, drawn: Multipliers
@@ -96,10 +119,13 @@ class State:
         row = self.row[time]
         E = accumulate.replicates_at(self.coefficients, self.sky, row, sensor)
         mean, own = E.mean(axis=0), None
-        if "sun_straight" in self.coefficients:
+        off = np.empty((len(row), len(E) + 1), np.float32)
+        np.subtract(E.T, mean[:, None], out=off[:, :-1])
+        np.subtract(mean, threshold, out=off[:, -1])
+        if self.has_own_error:
             own = self.error[row, sensor] ** 2 - E.var(axis=0, ddof=1) / len(E)
             own = np.sqrt(np.maximum(own, 0))
-        return Doubts((E - mean).T, threshold - mean, own, sensor % GROUPS, drawn)
+        return Doubts(off, own, sensor % GROUPS, drawn)
 
 
 @dataclass(frozen=True)
@@ -107,9 +133,8 @@ class Doubts:
     """Entries of illuminance that may lie on both sides of a threshold."""
 
     off: np.ndarray
-    """Differences of the replicates from their mean [lx], shape (entry, replicate)."""
-    missing: np.ndarray
-    """Threshold less the mean [lx], shape (entry,)."""
+    """Differences of the replicates from their mean, and of the mean from the threshold [lx], shape
+    (entry, replicate + 1)."""
     own: np.ndarray | None
     """Standard error that no replicate holds [lx]: that of interpolation in an adaptive sun's mesh,
     and the noise of its straight light. It moves all hours of a sensor together, which overstates
@@ -118,22 +143,46 @@ class Doubts:
     """Group of the entries' sensors."""
     drawn: Multipliers
 
-    def passes(self, begin: int, end: int) -> Iterator[tuple[slice, np.ndarray]]:
-        """Yield some entries after others, and whether E* ≥ threshold in every draw of them."""
-        for start in range(begin, end, ENTRIES):
-            few = slice(start, min(start + ENTRIES, end))
-            yield slice(start - begin, few.stop - begin), self.missing[few, None] <= self._off(few)
+    @classmethod
+    def joined(cls, parts: Sequence[tuple[np.ndarray, Doubts]]) -> Doubts:
+        """Entries of several states, with their places in the whole (entry,), int."""
+        if len(parts) == 1:
+            return parts[0][1]
+        count, first = sum(len(places) for places, _ in parts), parts[0][1]
+        off, group = np.empty((count, first.off.shape[1]), np.float32), np.empty(count, int)
+        own = None if first.own is None else np.empty(count, first.own.dtype)
+        for places, part in parts:
+            off[places], group[places] = part.off, part.group
+            if own is not None:
+                own[places] = part.own
+        return cls(off, own, group, first.drawn)
 
-    def above(self) -> np.ndarray:
-        """E* less the threshold in every draw, shape (entry, draw) [lx]."""
-        return np.asarray(self._off(slice(None)) - self.missing[:, None])
+    @property
+    def error(self) -> np.ndarray:
+        """Standard error [lx], shape (entry,)."""
+        n = self.off.shape[1] - 1
+        squares = np.einsum("er,er->e", self.off[:, :n], self.off[:, :n]) / (n * (n - 1))
+        return np.sqrt(squares if self.own is None else squares + self.own**2)
 
-    def _off(self, few: slice) -> np.ndarray:
-        """E* less the mean in every draw of some entries [lx]."""
-        E = self.off[few] @ self.drawn.replicates
+    def passes(self, some: np.ndarray, draws: int = DRAWS) -> np.ndarray:
+        """Whether E* ≥ threshold in the first draws of some entries, bool, shape (entry, draw)."""
+        passed, together = np.empty((len(some), draws), bool), ENTRIES * DRAWS // draws
+        held = np.empty((min(together, len(some)), draws), np.float32)
+        for start in range(0, len(some), together):
+            few = some[start : start + together]
+            E = self.above(few, draws, held[: len(few)])
+            np.greater_equal(E, 0, out=passed[start : start + together])
+        return passed
+
+    def above(
+        self, some: np.ndarray | slice = slice(None), draws: int = DRAWS,
+        out: np.ndarray | None = None,
+    ) -> np.ndarray:  # fmt: skip
+        """E* less the threshold in the first draws of some entries [lx], shape (entry, draw)."""
+        E = np.matmul(self.off[some], self.drawn.weights[:, :draws], out=out)
         if self.own is not None:
-            E += self.own[few, None] * self.drawn.others[self.group[few]]
-        return E
+            E += self.own[some, None] * self.drawn.others[self.group[some], :draws]
+        return np.asarray(E)
 
 
 def draw_autonomy(
@@ -143,47 +192,82 @@ def draw_autonomy(
     """Draw sDA and msDA; an hour takes the state of the façade that was drawn for it."""
     beyond = t_factor(len(drawn.replicates), 1 - 2 * BEYOND)
     sure = np.ones((len(closures.state), states[0].mean.shape[1]), bool)
-    may = ~sure
+    may = np.zeros_like(sure)
     for state, here in zip(states, closures.possible, strict=True):
-        of_state = state.classes(threshold, beyond)
-        sure &= of_state[0] | ~here[:, None]
-        may |= of_state[1] & here[:, None]
+        hours, (passes, may_pass) = np.flatnonzero(here), state.classes(threshold, beyond)
+        row = state.row[hours]
+        sure[hours] &= passes[row]
+        may[hours] |= may_pass[row]
     doubtful = may & ~sure
     tally = BootstrapCounts(needed, needed.count(sure), needed.count(doubtful))
+    reach = Reach.of(drawn.replicates, drawn.others if states[0].has_own_error else None)
+    closures = replace(closures, drawn=closures.drawn[:, reach.order])
+    drawn = Multipliers(*(numbers[:, reach.order] for numbers in drawn))
     # The matrices are small: threads of the library would wait for each other most of the time.
     with one_blas_thread():
         for time, sensor in tally.wanted(doubtful):
-            _draw(tally, states, closures, threshold, drawn, time, sensor)
+            _draw(tally, states, closures, reach, threshold, drawn, time, sensor)
+    tally.counts[..., reach.order] = tally.counts.copy()
     return tally
 
 
 def _draw(
-    tally: BootstrapCounts, states: Sequence[State], closures: Closures, threshold: float,
-    drawn: Multipliers, time: np.ndarray, sensor: np.ndarray,
+    tally: BootstrapCounts, states: Sequence[State], closures: Closures, reach: Reach,
+    threshold: float, drawn: Multipliers, time: np.ndarray, sensor: np.ndarray,
 ) -> None:  # fmt: skip
-    """Draw some entries, and add them to the counts."""
+    """Draw some entries, and add them to the counts; draws are in the order of their reach."""
+
+    def doubts(k: int, entries: np.ndarray) -> tuple[np.ndarray, Doubts]:
+        return entries, states[k].doubts(time[entries], sensor[entries], threshold, drawn)
+
+    state = closures.state[time]
+    whole = Doubts.joined([doubts(k, np.flatnonzero(state == k)) for k in np.unique(state)])
     hour = np.full(len(closures.state), -1)
     hour[closures.hours] = np.arange(len(closures.hours))
     hour = hour[time]
-    in_state = closures.possible[:, time]
-    every = [
-        state.doubts(time[some], sensor[some], threshold, drawn)
-        for state, some in zip(states, in_state, strict=True)
-    ]
-    first = np.cumsum(in_state, axis=1) - in_state  # number of a state's entries before each one
+    in_state = [np.flatnonzero(possible[time] & (hour >= 0)) for possible in closures.possible]
+    varying = [(k, *doubts(k, entries)) for k, entries in enumerate(in_state) if len(entries)]
+    by_mean, near = whole.off[:, -1] >= 0, reach.levels(whole.off[:, -1], whole.error)
+    near[hour >= 0] = 0
+    level = tally.levels(sensor, time, by_mean, near, len(FEWER) - 1)
     lock = Lock()
 
+    def passes(some: np.ndarray, draws: int) -> np.ndarray:
+        """Whether entries, in rising order, pass in the first draws (entry, draw)."""
+        passed = whole.passes(some, draws)
+        passed[hour[some] >= 0] = False
+        for k, entries, own in varying:
+            places = np.minimum(np.searchsorted(some, entries), len(some) - 1)
+            here = np.flatnonzero(some[places] == entries)
+            in_draw = closures.drawn[hour[entries[here]], :draws] == k
+            passed[places[here]] |= own.passes(here, draws) & in_draw
+        return passed
+
     def of_block(block: slice) -> None:
-        passed = np.zeros((block.stop - block.start, DRAWS), bool)
-        for k, doubts in enumerate(every):
-            some = np.flatnonzero(in_state[k, block])
-            begin = first[k, block.start]
-            for few, by_state in doubts.passes(begin, begin + len(some)):
-                at = hour[block][some[few]]
-                if (at >= 0).any():
-                    by_state[at >= 0] &= closures.drawn[at[at >= 0]] == k
-                passed[some[few]] |= by_state
-        counted = tally.counted(sensor[block], time[block], passed)
+        first = tally.first(sensor[block], time[block])
+        base = np.add.reduceat(by_mean[block], first, dtype=np.int32)
+        counts = np.repeat(base[:, None], DRAWS, axis=1)
+        for k, draws in enumerate(FEWER[:-1]):
+            some = np.flatnonzero(level[block] == k)
+            row = np.searchsorted(first, some, side="right") - 1
+            begins = np.flatnonzero(np.diff(row, prepend=-1))
+            if len(some):
+                own = some + block.start
+                more = sums(passes(own, draws), begins)
+                more -= np.add.reduceat(by_mean[own], begins, dtype=np.int32)[:, None]
+                counts[row[begins], :draws] += more
+
+        def share(some: np.ndarray) -> np.ndarray:
+            own = some + block.start
+            count = by_mean[own] * DRAWS
+            for k, draws in enumerate(FEWER[:-1]):
+                here = np.flatnonzero(near[own] == k)
+                if len(here):
+                    passed = draws_passed(passes(own[here], draws))
+                    count[here] = passed + by_mean[own[here]] * (DRAWS - draws)
+            return np.asarray(count / DRAWS)
+
+        counted = tally.summed(sensor[block], time[block], first, counts, share)
         with lock:
             tally.add(counted)
 

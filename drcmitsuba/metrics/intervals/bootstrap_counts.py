@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from copy import copy
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from drcmitsuba.metrics.intervals.rules import DRAWS, TAIL
+from drcmitsuba.metrics.thresholds import MOST, stamps_passed
+from drcmitsuba.runtime.pieces import run
 
-MOST = 255
-"""Largest count of a byte: sums of bytes are several times as fast as sums of larger numbers."""
 HELD = 1 << 20
 """Number of entries in doubt that are in memory at once."""
-TOGETHER = 1 << 12
-"""Number of entries that are drawn at once, unless a single sensor has more: 2.5 MB."""
+TOGETHER = 1 << 14
+"""Number of entries that are drawn at once, unless a single sensor has more: at most 10 MB."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +43,7 @@ class Needed:
         """Count by month: (time, sensor) to (sensor, month)."""
         out = np.zeros((passed.shape[1], 12), np.int64)
         for m in np.flatnonzero(~self.empty):
-            out[:, m] = np.count_nonzero(passed[self.month == m], axis=0)
+            out[:, m] = stamps_passed(passed[run(np.flatnonzero(self.month == m))])
         return out
 
 
@@ -85,6 +84,15 @@ class BootstrapCounts:
             of_year + doubtful.sum(axis=1) >= needed.yearly
         )
 
+    def chosen(self, time: np.ndarray, sensor: np.ndarray) -> np.ndarray:
+        """Those of entries in doubt that have to be drawn, indices, sorted as `wanted` sorts them.
+
+        Entries are time stamps and sensors, indices of shape (entry,) each.
+        """
+        month = self.needed.month[time]
+        asked = np.flatnonzero(self.open_months[sensor, month] | self.open_year[sensor])
+        return asked[np.lexsort((time[asked], month[asked], sensor[asked]))]
+
     def wanted(self, doubtful: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Yield the entries of doubtful ones (time, sensor) that have to be drawn.
 
@@ -93,13 +101,14 @@ class BootstrapCounts:
         """
         order = np.argsort(self.needed.month, kind="stable")
         open_months = self.open_months | self.open_year[:, None]
-        before = np.cumsum(np.count_nonzero(doubtful, axis=0)) // HELD
+        before = np.cumsum(stamps_passed(doubtful)) // HELD
         for part in np.unique(before):
             first, last = np.searchsorted(before, (part, part + 1))
             asked = np.ascontiguousarray(doubtful[order, first:last].T)
             asked &= open_months[first:last, self.needed.month[order]]
             sensor, place = np.divmod(np.flatnonzero(asked), len(order))
-            yield order[place], sensor + first
+            if len(sensor):
+                yield order[place], sensor + first
 
     def blocks(self, sensor: np.ndarray) -> Iterator[slice]:
         """Cut entries that are sorted by their `sensor` into blocks of whole sensors."""
@@ -113,29 +122,89 @@ class BootstrapCounts:
             start = stop
 
     def counted(self, sensor: np.ndarray, time: np.ndarray, passed: np.ndarray) -> CountedBlock:
-        """Count the draws (entry, draw) of some sensors' wanted entries, as `wanted` sorts them.
+        """Count the draws (entry, draw) of some sensors' wanted entries, as `wanted` sorts them."""
+        first = self.first(sensor, time)
 
-        Open months and years, which began as not passed, have all of their entries there. This
-        changes nothing, so that threads may count blocks side by side.
-        """
+        def share(some: np.ndarray) -> np.ndarray:
+            return draws_passed(passed[some]) / passed.shape[1]
+
+        return self.summed(sensor, time, first, sums(passed, first), share)
+
+    def first(self, sensor: np.ndarray, time: np.ndarray) -> np.ndarray:
+        """First entry of every row, a month of a sensor, among wanted entries, int, (row,)."""
         month = self.needed.month[time]
         changes = np.flatnonzero((month[1:] != month[:-1]) | (sensor[1:] != sensor[:-1])) + 1
-        first = np.append(0, changes)
-        counts = _sums(passed, first)
+        return np.append(0, changes)
+
+    def levels(
+        self, sensor: np.ndarray, time: np.ndarray, passes: np.ndarray, level: np.ndarray, most: int
+    ) -> np.ndarray:
+        """Levels of wanted entries from which on neither a month nor a year depends on them.
+
+        Parameters
+        ----------
+        sensor, time : np.ndarray of int, shape (entry,)
+            From `wanted`.
+        passes : np.ndarray of bool, shape (entry,)
+            Whether entries pass by their means.
+        level : np.ndarray of int, shape (entry,)
+            Level from which on each entry is as by its mean.
+        most : int
+            Largest level.
+        """
+        first = self.first(sensor, time)
+        row = np.repeat(np.arange(len(first)), np.diff(np.append(first, len(sensor))))
+        size, at = (len(first), most + 1), row * (most + 1) + level
+        every, above = (
+            np.bincount(at, some, size[0] * size[1]).reshape(size) for some in (None, passes)
+        )
+        of_row, month = sensor[first], self.needed.month[time[first]]
+        sensors, of_sensor = np.unique(of_row, return_inverse=True)
+
+        def settled(
+            above: np.ndarray, below: np.ndarray, lacking: np.ndarray, is_open: np.ndarray
+        ) -> np.ndarray:
+            surplus = (above.sum(axis=1) - lacking)[:, None]
+            above, below = (side.cumsum(axis=1)[:, :-1] for side in (above, below))
+            certain = np.where(surplus >= 0, above <= surplus, below < -surplus)
+            return np.where(is_open, np.count_nonzero(certain, axis=1), most)
+
+        by_month = settled(
+            above, every - above, self.needed.monthly[month] - self.sure[of_row, month],
+            self.open_months[of_row, month],
+        )  # fmt: skip
+        year, begin = self.needed.yearly, np.searchsorted(of_sensor, np.arange(len(sensors)))
+        above, every = (np.add.reduceat(side, begin, axis=0) for side in (above, every))
+        by_year = settled(
+            above, every - above, year - self.sure[sensors].sum(axis=1), self.open_year[sensors]
+        )
+        return np.maximum(level, np.minimum(by_month, by_year[of_sensor])[row])
+
+    def summed(
+        self, sensor: np.ndarray, time: np.ndarray, first: np.ndarray, counts: np.ndarray,
+        share: Callable[[np.ndarray], np.ndarray],
+    ) -> CountedBlock:  # fmt: skip
+        """Count some sensors' wanted entries from those that pass in every row, (row, draw).
+
+        `share` gives the share of the draws in which some entries pass (entry,). Open months and
+        years, which began as not passed, have all of their entries there. This changes nothing, so
+        that threads may count blocks side by side.
+        """
+        month = self.needed.month[time]
         sensor_first = np.flatnonzero(np.diff(sensor[first], prepend=-1))
         those = sensor[first][sensor_first]
-        of_year = np.add.reduceat(counts, sensor_first, axis=0)
-        of_year += self.sure[those].sum(axis=1, dtype=np.int32)[:, None]
-        chosen = self.open_year[those]
-        passes, those = of_year[chosen] >= self.needed.yearly, those[chosen]
-        passing, doubtful = passes.mean(axis=1), [np.zeros(0, np.int64)]
-        for s in those[(passing > TAIL) & (passing < 1 - TAIL)]:
-            mine = slice(*np.searchsorted(sensor, (s, s + 1)))
-            q = passed[mine].mean(axis=1)
-            doubtful.append(time[mine][(q > TAIL) & (q < 1 - TAIL)])
-        return CountedBlock(
-            sensor[first], month[first], counts, those, passes, passing, np.concatenate(doubtful)
-        )
+        ends, chosen = np.append(sensor_first[1:], len(first)), self.open_year[those]
+        those, rows = those[chosen], zip(sensor_first[chosen], ends[chosen], strict=True)
+        of_year = np.zeros((len(those), counts.shape[1]), np.int32)
+        for out, (begin, end) in zip(of_year, rows, strict=True):
+            np.add.reduce(counts[begin:end], axis=0, out=out)
+        passes = of_year >= self.needed.yearly - self.sure[those].sum(axis=1)[:, None]
+        passing = draws_passed(passes) / counts.shape[1]
+        undecided = those[(passing > TAIL) & (passing < 1 - TAIL)]
+        some = np.flatnonzero(np.isin(sensor, undecided))
+        q = share(some)
+        doubtful = time[some][(q > TAIL) & (q < 1 - TAIL)]
+        return CountedBlock(sensor[first], month[first], counts, those, passes, passing, doubtful)
 
     def add(self, counted: CountedBlock) -> None:
         """Add the counts of some sensors."""
@@ -148,11 +217,15 @@ class BootstrapCounts:
 
     def _count_months(self, sensor: np.ndarray, month: np.ndarray, counts: np.ndarray) -> None:
         """Count the open ones among months of sensors (row,), from what they pass (row, draw)."""
+        place = self.needed.grid[sensor] * 12 + month
+        rows = np.flatnonzero(self.open_months[sensor, month])
+        rows = rows[np.argsort(place[rows], kind="stable")]
+        if len(rows) == 0:
+            return
         lacking = self.needed.monthly[month] - self.sure[sensor, month]
-        passes = counts >= lacking.astype(np.int32)[:, None]
-        is_open, grid = self.open_months[sensor, month], self.needed.grid[sensor]
-        for row in np.flatnonzero(is_open):
-            self.counts[grid[row], month[row]] += passes[row]
+        passes = counts[rows] >= lacking[rows].astype(np.int32)[:, None]
+        at, first = np.unique(place[rows], return_index=True)
+        self.counts[at // 12, at % 12] += sums(passes, first)
 
     def plus(self, other: BootstrapCounts) -> BootstrapCounts:
         """Count the sensors of two blocks, this one's first; grids have the same numbers."""
@@ -175,11 +248,24 @@ class BootstrapCounts:
         return shares[12], shares[:12]
 
 
-def _sums(passed: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """Number of passed entries (entry, draw) in pieces from the `first` of each, (piece, draw)."""
-    counts = np.zeros((len(first), passed.shape[1]), np.int32)
-    for out, (begin, end) in zip(counts, pairwise([*first.tolist(), len(passed)]), strict=True):
-        for start in range(begin, end, MOST):
-            piece = passed[start : min(start + MOST, end)].view(np.uint8)
-            out += np.add.reduce(piece, axis=0, dtype=np.uint8)
-    return counts
+def draws_passed(passed: np.ndarray) -> np.ndarray:
+    """Number of draws in which entries pass, int, shape (entry,), of bool (entry, draw).
+
+    As for `sums`; there are less than 2048 draws.
+    """
+    by_byte = np.add.reduce(passed.view(np.uint64), axis=1).view(np.uint8)
+    return np.asarray(by_byte.reshape(-1, 8).sum(axis=1, dtype=np.int64))
+
+
+def sums(passed: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """Number of passed entries (entry, draw) in pieces from the `first` of each, (piece, draw).
+
+    The number of draws is a multiple of eight, whose bytes are added as one number.
+    """
+    pieces = -(-np.diff(first, append=len(passed)) // MOST)  # of which a byte counts each
+    begins = np.append(0, pieces.cumsum()[:-1])
+    starts = np.repeat(first, pieces) + MOST * (np.arange(pieces.sum()) - np.repeat(begins, pieces))
+    counts = np.add.reduceat(passed.view(np.uint64), starts, axis=0).view(np.uint8)
+    if len(starts) == len(first):
+        return counts.astype(np.int32)
+    return np.asarray(np.add.reduceat(counts, begins, axis=0, dtype=np.int32))

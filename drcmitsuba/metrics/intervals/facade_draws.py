@@ -94,18 +94,19 @@ class SunlitSensors:
 
     @classmethod
     def of(
-        cls, passes: np.ndarray, group: np.ndarray, grid: np.ndarray, groups: int, sun: SunDraws,
-        grids: int = 0, least: np.ndarray | None = None,
+        cls, passes: np.ndarray, group: np.ndarray | None, grid: np.ndarray, groups: int,
+        sun: SunDraws, grids: int = 0, least: np.ndarray | None = None,
     ) -> SunlitSensors:  # fmt: skip
         """Count; `passes` and `group` have the shape (time, sensor), `grid` (sensor,).
+
+        `group` is None where there is a single one.
 
         Where these are all sensors, of which grids ask for `least` (grid,), only hours in doubt are
         drawn.
         """
-        count = np.stack(
-            [count_by_grid(passes & (group == g), grid, grids) for g in range(groups)], axis=-1
-        )
-        through = group[sun.time, sun.sensor]
+        masks = (passes if group is None else passes & (group == g) for g in range(groups))
+        count = np.stack([count_by_grid(mask, grid, grids) for mask in masks], axis=-1)
+        through = np.zeros(len(sun.time), int) if group is None else group[sun.time, sun.sensor]
         at = (sun.time * count.shape[1] + grid[sun.sensor]) * groups + through
         order = np.argsort(at, kind="stable")
         order = order[through[order] >= 0]  # sun through no group closes none
@@ -189,8 +190,6 @@ def sunlit_sensors(
 
     There are at least `grids` grids.
     """
-    group = np.zeros((1, 1), np.int16) if group is None else group
-    group = np.broadcast_to(group, mean.shape)
     passes, groups = mean >= rule.threshold, len(rule.groups)
     return SunlitSensors.of(passes, group, grid, groups, sun, grids, least)
 

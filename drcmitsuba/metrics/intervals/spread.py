@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,7 +12,7 @@ import xarray as xr
 
 from drcmitsuba import metrics
 from drcmitsuba.case.groups import State
-from drcmitsuba.metrics import Interval
+from drcmitsuba.metrics import Interval, thresholds
 from drcmitsuba.metrics.facade_states import sunlit
 from drcmitsuba.metrics.grids import grid_of_sensors
 from drcmitsuba.metrics.intervals.rules import TAIL, Rules
@@ -135,26 +135,35 @@ def values(
         total = total + errors * luminance(illuminance["total_se"])
         direct = direct + errors * luminance(illuminance["direct_sun_se"])
     t = rules.metrics
-    autonomy = (t.sda_threshold, t.sda_fraction)
-    exposure = (t.ase_threshold, t.ase_hours, rules.step_hours)
+    enough, stamps = thresholds.stamps_by_month(total, "illuminance", t.sda_threshold)
+    in_sun, _ = thresholds.stamps_by_month(direct, "direct", t.ase_threshold)
+
+    def lit(t_m: int, t_y: int) -> int:
+        return metrics.autonomy_stamps(t.sda_fraction, t_m)
+
+    def exposed(t_m: int, t_y: int) -> int:
+        return metrics.exposure_stamps(t.ase_hours, rules.step_hours, t_m, t_y)
+
+    def share(reached: np.ndarray, required: Callable[[int, int], int]) -> float:
+        whole = int(stamps.sum())
+        return thresholds.share(reached.sum(axis=0) >= required(whole, whole))
+
     rule = rules.shade
     counts = sunlit(illuminance.assign(direct_sun=direct), rule)
     sensors = np.bincount(grid_of_sensors(illuminance))
     indices = rule.indices(rule.closed(counts, sensors), direct["time"])
     closed = (indices > 0)[:, np.array(rule.groups.closable)].mean(axis=1)
     closed *= bool(illuminance.attrs.get("has_shade", 1))
-    month = metrics.months(total)
-    stamps = np.bincount(month, minlength=13)[1:]
-    shut = np.bincount(month, closed, minlength=13)[1:]
+    shut = np.bincount(metrics.months(total), closed, minlength=13)[1:]
     return (
         {
-            "sDA": metrics.sda(total, *autonomy),
-            "ASE": metrics.ase(direct, *exposure),
+            "sDA": share(enough, lit),
+            "ASE": share(in_sun, exposed),
             "shade_closed": 100 * float(closed.mean()),
         },
         {
-            "msDA": metrics.msda(total, *autonomy).values,
-            "MSE": metrics.mse(direct, *exposure).values,
+            "msDA": thresholds.monthly(enough, stamps, lit).values,
+            "MSE": thresholds.monthly(in_sun, stamps, exposed).values,
             "shade_closed_monthly": np.where(stamps, 100 * shut / np.maximum(stamps, 1), np.nan),
         },
     )

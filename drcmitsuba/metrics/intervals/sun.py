@@ -85,12 +85,14 @@ def draw_sun(
     the number of its `first` sensor.
     """
     rng = np.random.default_rng([seed, 1] if first == 0 else [seed, 1, first])
-    lit = np.nonzero(mean > 0)
-    mu, s = mean[lit], error[lit]
+    sunny = np.flatnonzero(mean.max(axis=1, initial=0) > 0)  # few of a year's hours
+    own = mean if len(sunny) == len(mean) else mean[sunny]
+    row, sensor = np.divmod(np.flatnonzero(own > 0), mean.shape[1])
+    mu, s = own[row, sensor], error[sunny[row], sensor]
     different = list(dict.fromkeys(limits))  # those of LM-83 are the same: one array serves both
     p = np.stack([_exceeds(mu, s, limit) for limit in different])
     doubtful = ((p > BEYOND) & (p < 1 - BEYOND)).any(axis=0)
-    time, sensor, p = lit[0][doubtful], lit[1][doubtful], p[:, doubtful]
+    time, sensor, p = sunny[row[doubtful]], sensor[doubtful], p[:, doubtful]
     passed = [np.empty((len(time), BYTES), np.uint8) for _ in different]
     for start in range(0, len(time), BLOCK):
         here = slice(start, start + BLOCK)
@@ -100,10 +102,10 @@ def draw_sun(
     # One miss makes s = μ / rays; the height of the sun within its disk makes far less of it.
     dark = None
     if rays is not None:
-        dark = _hidden(mean, different, rays, int((mu < 1.2 * rays * s).sum()), rng)
+        dark = _hidden(own, different, rays, int((mu < 1.2 * rays * s).sum()), rng)
     if dark is not None:
-        hidden_time, hidden_sensor, hidden = dark
-        time, sensor = np.append(time, hidden_time), np.append(sensor, hidden_sensor)
+        hidden_row, hidden_sensor, hidden = dark
+        time, sensor = np.append(time, sunny[hidden_row]), np.append(sensor, hidden_sensor)
         passed = [np.vstack(pair) for pair in zip(passed, hidden, strict=True)]
     exposed, closing = (passed[different.index(limit)] for limit in limits)
     return SunDraws(time, sensor, exposed, closing)
@@ -112,8 +114,11 @@ def draw_sun(
 def _hidden(
     mean: np.ndarray, limits: list[float], rays: int, edges: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]] | None:
-    """Draw pairs without a hit that hide a part of the sun: any that are dark in a sunny hour."""
-    is_dark = (mean == 0) & (mean > 0).any(axis=1, keepdims=True)
+    """Draw pairs without a hit that hide a part of the sun: any that are dark in a sunny hour.
+
+    `mean` is the direct sun of sunny hours (hour, sensor) [lx].
+    """
+    is_dark = mean == 0
     dark, of_hour = np.flatnonzero(is_dark), np.count_nonzero(is_dark, axis=1)
     expected = edges * hidden_share(rays)
     if len(dark) == 0 or expected == 0:

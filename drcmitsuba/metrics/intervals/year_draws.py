@@ -59,16 +59,17 @@ class YearDraws:
 
     def exposure(self, threshold: float, needed: Needed) -> BootstrapCounts:
         """Count the sensors in direct sun of `threshold`, to which it was drawn, often enough."""
-        drawn = np.zeros(self.direct.shape, bool)
-        drawn[self.sun.time, self.sun.sensor] = True
-        sure = (self.direct >= threshold) & ~drawn
-        tally = BootstrapCounts(needed, needed.count(sure), needed.count(drawn))
-        entry = np.empty(self.direct.shape, np.int32)
-        entry[self.sun.time, self.sun.sensor] = np.arange(len(self.sun.time))
-        for time, sensor in tally.wanted(drawn):
-            for block in tally.blocks(sensor):
-                exposed = self.sun.exposed[entry[time[block], sensor[block]]]
-                tally.add(tally.counted(sensor[block], time[block], unpacked(exposed)))
+        sun, shape = self.sun, (self.direct.shape[1], 12)
+        place = sun.sensor * 12 + needed.month[sun.time]
+        by_mean = self.direct[sun.time, sun.sensor] >= threshold
+        drawn, passing = (np.bincount(place, each, shape[0] * 12) for each in (None, by_mean))
+        sure = needed.count(self.direct >= threshold) - passing.astype(int).reshape(shape)
+        tally = BootstrapCounts(needed, sure, drawn.reshape(shape))
+        entry = tally.chosen(sun.time, sun.sensor)
+        time, sensor = sun.time[entry], sun.sensor[entry]
+        for block in tally.blocks(sensor):
+            exposed = unpacked(sun.exposed[entry[block]]).view(bool)
+            tally.add(tally.counted(sensor[block], time[block], exposed))
         return tally
 
 

@@ -3,7 +3,8 @@ r"""Light by element in a year of known luminances, of which any façade is a we
 .. math:: E = \sum_e w_e E_e + G_m(w) \sum_e w_e B_e
 
 with the illuminances E_e of sensors and B_e of blocks of cells by the element e, made once for all
-façades, and the paths G_m that met openings.
+façades, and the paths G_m that met openings. Openings with a single fill are the same in all
+façades. Where paths met no others, G_m is, too, and E_e takes in G_m B_e.
 """
 
 from __future__ import annotations
@@ -14,9 +15,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from drcmitsuba.runtime.pieces import pieces, run
 from drcmitsuba.runtime.threads import in_threads
 from drcmitsuba.transport.elements.light import LightByElement
-from drcmitsuba.transport.elements.weights import BESIDES, HOURS, Year
+from drcmitsuba.transport.elements.weights import BESIDES, Year
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -33,33 +35,39 @@ class KnownYear:
     L: csr_matrix
     """Luminances of all bins [cd/m²], shape (time, bin)."""
     lit: Mapping[int, np.ndarray]
-    """Illuminances of sensors, then of blocks of cells, by every element that gives light and by
-    the light `BESIDES` [lx], shape (replicate, time, receiver)."""
+    """Illuminances of sensors, and of blocks of cells where G_m differs between façades, by every
+    element that gives light, and by `BESIDES` with the elements that are the same in all façades
+    [lx], shape (replicate, time, receiver)."""
 
     @staticmethod
     def nbytes(light: LightByElement, hours: int) -> int:
         """Memory of a year of so many time stamps [bytes]."""
-        receivers = len(light.positions) + light.besides.blocks.shape[2]
-        lit = sum(each.gives_light for each in (light.besides, *light.elements))
-        return 4 * lit * light.replicates * hours * receivers
+        blocks = light.besides.blocks.shape[2] if _returns_differ(light) else 0
+        receivers = len(light.positions) + blocks
+        return 4 * len(_summed(light)) * light.replicates * hours * receivers
 
     @classmethod
     def of(cls, light: LightByElement, L: csr_matrix) -> KnownYear:
         """Sum the light of every element over the bins."""
-        elements, sensors = light.elements, len(light.positions)
-        numbers = [e for e in range(BESIDES, len(elements)) if light.light(e).gives_light]
-        blocks = light.besides.blocks.shape[2]
-        whole = Year.of(L, np.ones((L.shape[0], len(elements)), np.float32), light.sky_bins)
-        shape = (light.replicates, L.shape[0], sensors + blocks)
-        lit = {e: np.zeros(shape, np.float32) for e in numbers}
+        summed, differ, sensors = _summed(light), _returns_differ(light), len(light.positions)
+        elements, blocks = len(light.elements), light.besides.blocks.shape[2]
+        whole = Year.of(L, np.ones((L.shape[0], elements), np.float32), light.sky_bins)
+        shape = (light.replicates, L.shape[0], sensors + blocks * differ)
+        lit = {e: np.zeros(shape, np.float32) for e in summed}
+        same = () if differ else [each.weighed(np.ones(elements)).T for each in light.returned]
 
-        def summed(job: tuple[int, int]) -> None:
-            number, r = job
-            own, E = light.light(number), lit[number][r]
-            whole.add(E[:, :sensors], number, own.bins, own.total[r])
-            whole.add(E[:, sensors:], number, own.bins, own.blocks[r])
+        def of_replicate(job: tuple[int, int]) -> None:
+            target, r = job
+            E = lit[target][r]
+            D = E[:, sensors:] if differ else whole.dark(blocks)
+            for number in summed[target]:
+                own = light.light(number)
+                whole.add(E[:, :sensors], number, own.bins, own.total[r])
+                whole.add(D, number, own.bins, own.blocks[r])
+            if not differ:
+                E += D @ np.asarray(same[r], np.float32)
 
-        in_threads(summed, [(e, r) for e in numbers for r in range(light.replicates)])
+        in_threads(of_replicate, [(e, r) for e in summed for r in range(light.replicates)])
         return cls(light, L, lit)
 
     def illuminance(self, shares: np.ndarray, hours: np.ndarray | None = None) -> np.ndarray:
@@ -90,54 +98,86 @@ class KnownYear:
             self._by_row(E, rows, of_hour, hours)
         return E
 
+    @property
+    def _differs(self) -> bool:
+        """Whether G_m differs between façades."""
+        return _returns_differ(self.light)
+
     def _by_row(
         self, E: np.ndarray, rows: np.ndarray, of_hour: np.ndarray, hours: np.ndarray
     ) -> None:
         """Fill in E of few different shares (row, element), each of which holds in many hours."""
-        pieces = [
-            (row, hours_of[start : start + HOURS])
+        differs, sensors = self._differs, E.shape[2]
+        jobs = [
+            (row, hours_of[here])
             for row, hours_of in enumerate(np.flatnonzero(of_hour == k) for k in range(len(rows)))
-            for start in range(0, len(hours_of), HOURS)
+            for here in pieces(len(hours_of), sensors)
         ]
 
         def of_replicate(r: int) -> None:
-            G = [np.ascontiguousarray(self.light.returned[r].weighed(row).T) for row in rows]
-            for row, at in pieces:
-                X = self._weighed(r, rows[row], hours[at])
-                sensors = E.shape[2]
-                E[r, at] = X[:, :sensors] + X[:, sensors:] @ G[row]
+            back = self.light.returned[r]
+            G = [np.ascontiguousarray(back.weighed(row).T) for row in rows if differs]
+            for row, at in jobs:
+                here = run(at)
+                if differs:
+                    X = self._weighed(r, rows[row], hours[at])
+                    E[r, here] = X[:, :sensors] + X[:, sensors:] @ G[row]
+                elif isinstance(here, slice):
+                    self._weighed(r, rows[row], hours[at], E[r, here])
+                else:
+                    E[r, here] = self._weighed(r, rows[row], hours[at])
 
         in_threads(of_replicate, range(len(E)))
 
     def _by_hour(self, E: np.ndarray, shares: np.ndarray, hours: np.ndarray) -> None:
         """Fill in E of shares (time, element) that differ from hour to hour."""
+        differs, sensors = self._differs, E.shape[2]
         year = Year.of(self.L[hours], shares, self.light.sky_bins)
 
         def of_replicate(r: int) -> None:
             X = self._weighed(r, shares, hours)
-            E[r] = X[:, : E.shape[2]]
-            self.light.returned[r].add(E[r], X[:, E.shape[2] :], year)
+            E[r] = X[:, :sensors]
+            if differs:
+                self.light.returned[r].add(E[r], X[:, sensors:], year)
 
         in_threads(of_replicate, range(len(E)))
 
-    def _weighed(self, replicate: int, shares: np.ndarray, hours: np.ndarray) -> np.ndarray:
+    def _weighed(
+        self, replicate: int, shares: np.ndarray, hours: np.ndarray, out: np.ndarray | None = None
+    ) -> np.ndarray:
         """Σ w_e of all elements' light at some hours (hour, receiver), shares (…, element)."""
-        out = None
+        at, parts = run(hours), []
         for number, lit in self.lit.items():
-            share = np.ones((), np.float32) if number == BESIDES else shares[..., number]
-            if not share.any():
-                continue
-            part = lit[replicate][_run(hours)]
-            if not (share == 1).all():
-                part = part * share[..., None]
-            out = part if out is None else out + part
-        if out is None:
-            receivers = len(self.light.positions) + self.light.besides.blocks.shape[2]
-            return np.zeros((len(hours), receivers), np.float32)
+            part = lit[replicate][at]
+            if number == BESIDES:
+                parts.append(part)
+            elif (share := shares[..., number]).any():
+                parts.append(part if (share == 1).all() else part * share[..., None])
+        first, second, *more = parts if len(parts) > 1 else (parts[0], np.float32(0))
+        out = np.add(first, second, out=out)
+        for part in more:
+            out += part
         return out
 
 
-def _run(places: np.ndarray) -> slice | np.ndarray:
-    """Places in rising order, as a slice where none is left out."""
-    first, last = int(places[0]), int(places[-1])
-    return slice(first, last + 1) if last - first + 1 == len(places) else places
+def _fixed(light: LightByElement) -> np.ndarray:
+    """Whether each element is the only fill of its opening, bool, shape (element,)."""
+    fills = np.diff(light.openings.starts)
+    return np.repeat(fills == 1, fills)
+
+
+def _summed(light: LightByElement) -> dict[int, list[int]]:
+    """Elements whose light is summed as one, by the number of the sum.
+
+    They are an element by itself, or, as `BESIDES`, what is the same in all façades.
+    """
+    always = [BESIDES, *np.flatnonzero(_fixed(light)).tolist()]
+    by_choice = np.flatnonzero(~_fixed(light)).tolist()
+    gives = {e: light.light(e).gives_light for e in (*always, *by_choice)}
+    return {BESIDES: [e for e in always if gives[e]]} | {e: [e] for e in by_choice if gives[e]}
+
+
+def _returns_differ(light: LightByElement) -> bool:
+    """Whether openings send back other light in other façades."""
+    by_choice = np.flatnonzero(~_fixed(light))
+    return any(np.isin(each.met, by_choice).any() for each in light.returned)

@@ -20,11 +20,10 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.case.groups import GroupStates
-from drcmitsuba.runtime.threads import in_threads
 from drcmitsuba.schema import mean_and_error
 from drcmitsuba.transport.coefficient_arrays import with_values, without_values
 from drcmitsuba.transport.elements.paths import SentBack
-from drcmitsuba.transport.elements.weights import BESIDES, HOURS, Year, chosen
+from drcmitsuba.transport.elements.weights import BESIDES, Year, chosen
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -51,6 +50,29 @@ class ElementLight:
         """Whether each array has any light."""
         names = ("straight", "direct", "total", "blocks")
         return {name: bool(getattr(self, name).any()) for name in names}
+
+    @cached_property
+    def seen_pairs(self) -> tuple[np.ndarray, np.ndarray]:
+        """Pairs of an own bin and a sensor that see each other straight in some replicate.
+
+        Their places in a flat array (own bin, sensor), rising, int, shape (pair,), and C of them
+        [sr], shape (replicate, pair).
+        """
+        C = self.straight.reshape(len(self.straight), -1)
+        places = np.flatnonzero(C.any(axis=0)) if self.is_lit["straight"] else np.zeros(0, int)
+        return places, C[:, places]
+
+    def seen_at(self, bins: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The same of some bins, positions among all labels in rising order, int, shape (bin,).
+
+        Places are those in a flat array (bin, sensor).
+        """
+        pairs, C = self.seen_pairs
+        own, sensor = np.divmod(pairs, self.straight.shape[2])
+        kept = np.isin(self.bins, bins)[own]
+        if not kept.all():
+            own, sensor, C = own[kept], sensor[kept], C[:, kept]
+        return np.searchsorted(bins, self.bins)[own] * self.straight.shape[2] + sensor, C
 
     @property
     def gives_light(self) -> bool:
@@ -165,27 +187,23 @@ class LightByElement:
         tuple of np.ndarray, shape (bin, sensor)
             C and its standard error [sr].
         """
-        shape = (len(bins), len(self.positions))
-        mean, error = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-        parts = []
+        sensors, parts = len(self.positions), []
         for number in (BESIDES, *np.flatnonzero(shares).tolist()):
-            light = self.light(number)
-            _, places, seen = np.intersect1d(bins, light.bins[light.seen], return_indices=True)
-            share = 1.0 if number == BESIDES else float(shares[number])
+            places, C = self.light(number).seen_at(bins)
+            share = np.float32(1 if number == BESIDES else shares[number])
             if len(places):
-                parts.append((light.straight, share, places, light.seen[seen]))
-
-        def some(start: int) -> None:
-            stop = min(start + HOURS, len(bins))
-            total = np.zeros((self.replicates, stop - start, shape[1]), np.float32)
-            for values, share, places, own in parts:
-                here = slice(*np.searchsorted(places, (start, stop)))
-                part = values[:, own[here]]
-                total[:, places[here] - start] += part if share == 1 else np.float32(share) * part
-            mean[start:stop], error[start:stop] = mean_and_error(total)
-
-        in_threads(some, range(0, len(bins) if parts else 0, HOURS))
-        return mean, error
+                parts.append((places, C if share == 1 else share * C))
+        out = np.zeros((2, len(bins), sensors), np.float32)
+        if parts:
+            places, total = parts[0]
+            if len(parts) > 1:
+                places = np.unique(np.concatenate([own for own, _ in parts]))
+                total = np.zeros((self.replicates, len(places)), np.float32)
+                for own, C in parts:
+                    total[:, np.searchsorted(places, own)] += C
+            for array, values in zip(out, mean_and_error(total), strict=True):
+                array.reshape(-1)[places] = values
+        return out[0], out[1]
 
     def _sum(self, some: list[tuple[ElementLight, float]], name: str) -> np.ndarray:
         """Σ w · light of all bins, (replicate, bin, receiver)."""

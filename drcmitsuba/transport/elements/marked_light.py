@@ -47,10 +47,10 @@ class MarkedLight:
     def weighed(self, shares: np.ndarray) -> np.ndarray:
         """G_m of the sensors from the blocks (sensor, block), with shares (element,)."""
         factor = np.append(shares, np.float32(1))[self.met].prod(axis=1)
-        here = np.flatnonzero(factor)
-        place = self.sensor[here], self.block[here]
-        values = self.weight[here] * factor[here]
-        return np.asarray(sparse.csr_matrix((values, place), self.shape).toarray())
+        sensors, blocks = self.shape
+        place = self.sensor.astype(np.int64) * blocks + self.block
+        G = np.bincount(place, self.weight * factor, sensors * blocks)
+        return G.astype(np.float32).reshape(self.shape)
 
     def add(self, E: np.ndarray, D: np.ndarray, year: Year) -> None:
         """Add the light of a year to E.

@@ -54,6 +54,10 @@ class SentBack(Protocol):
     def nbytes(self) -> int:
         """Memory of the arrays [bytes]."""
 
+    @property
+    def met(self) -> np.ndarray:
+        """Elements that paths met, int, shape (vertex, meeting), −1 for none."""
+
     def weighed(self, shares: np.ndarray) -> np.ndarray:
         """Light that sensors get of light on blocks (sensor, block), with shares (element,)."""
 
@@ -264,6 +268,11 @@ class SolvedReturn:
         """Memory of the arrays [bytes]."""
         light = self.between.nbytes + self.sensors.nbytes
         return light + self.bounces.nbytes + self.onto.data.nbytes + self.onto.indices.nbytes
+
+    @property
+    def met(self) -> np.ndarray:
+        """Elements that paths met, see `SentBack`."""
+        return np.concatenate([self.between.met, self.sensors.met])
 
     def weighed(self, shares: np.ndarray) -> np.ndarray:
         """Light of sensors from blocks, see `SentBack`."""

@@ -1,10 +1,13 @@
 """Façades of a year by element, summed without coefficients, against sums over bins."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.sparse import csr_matrix
 
 from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.transport import elements
@@ -16,22 +19,43 @@ from tests.fast import slowly
 from tests.unit.transport.exact_scenes import OPPOSITE, SUNS
 from tests.unit.transport.test_light_by_element import case
 
-HOURS = 150
+HOURS, ONLY = 150, 5
+"""Time stamps; the element that is the only fill of its opening."""
 
 
 @pytest.fixture(scope="module", params=slowly(["paths", "cells"], "paths"))
-def year(request):
+def light(request):
     """Light that openings send back on paths, or solved on cells."""
     backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
     effects = EnabledEffects(solved_cells=request.param == "cells")
     one = case(furniture=[OPPOSITE])
-    light = elements.compute(one, PaneGroups.of(one), SUNS, one.accuracy, effects)
     kind = SolvedReturn if request.param == "cells" else MarkedLight
-    assert all(isinstance(returned, kind) for returned in light.returned)
+    with one_blas_thread():  # as in an evaluation
+        light = elements.compute(one, PaneGroups.of(one), SUNS, one.accuracy, effects)
+        assert all(isinstance(returned, kind) for returned in light.returned)
+        yield light
+
+
+@pytest.fixture(scope="module", params=["by fills", "by one fill"])
+def year(request, light):
+    """Light that all openings send back, or only the one that has a single fill."""
+    if request.param == "by one fill":
+        light = replace(light, returned=tuple(map(by_one_fill, light.returned)))
     rng = np.random.default_rng(4)
     L = rng.random((HOURS, len(light.labels))).astype(np.float32)
     L[:, light.sky_bins :] *= rng.random((HOURS, len(light.labels) - light.sky_bins)) < 0.3
     return KnownYear.of(light, csr_matrix(L))
+
+
+def by_one_fill(returned):
+    """Paths that met no opening but the one that has a single fill."""
+    if isinstance(returned, SolvedReturn):
+        parts = {n: by_one_fill(getattr(returned, n)) for n in ("between", "sensors")}
+        return replace(returned, **parts)
+    here = np.isin(returned.met, [-1, ONLY]).all(axis=1)
+    assert here.any()
+    names = ("sensor", "block", "weight", "met")
+    return replace(returned, **{name: getattr(returned, name)[here] for name in names})
 
 
 def indices(count):
@@ -71,8 +95,17 @@ def test_some_hours_are_those_of_the_year(year):
     assert year.illuminance(shares, hours[:0]).shape[1] == 0
 
 
-def test_straight_light_is_that_of_the_coefficients(year):
-    light, shares = year.light, year.light.shares(np.array([0, 1, 0]))
+def test_light_by_openings_with_one_fill_is_summed_once(year, request):
+    blocks = year.light.besides.blocks.shape[2]
+    receivers = len(year.light.positions) + blocks * ("by fills" in request.node.callspec.id)
+    assert all(lit.shape[2] == receivers for lit in year.lit.values())
+    assert year.light.elements[ONLY].gives_light
+    assert ONLY not in year.lit
+
+
+@pytest.mark.parametrize("shares", [[1, 0, 0, 0, 1, 1], [0.3, 0, 0.7, 0.5, 0.5, 1]])
+def test_straight_light_is_that_of_the_coefficients(year, shares):
+    light, shares = year.light, np.array(shares, np.float32)
     bins = np.arange(0, len(light.labels), 3)
     C = light.coefficients(shares)
     mean, error = light.straight(shares, bins)
