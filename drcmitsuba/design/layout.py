@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
+from typing import cast
 
 import numpy as np
 
@@ -82,7 +83,7 @@ class Layout:
         if case.room is None:
             raise InputError(case.source, "design", "there is no room", "add a [room]")
         assert design.film is not None  # with a component in its place, one stands
-        side: Side = design.side or case.glazed[0]
+        side = cast(Side, design.side or case.glazed[0])  # `check_facade` refuses other directions
         facade = case.facade.get(side, Facade())
         if facade.frame > 0:
             got = f"frames of {facade.frame:g} m, which the search does not know"
@@ -221,16 +222,7 @@ class Layout:
             return [np.array(x) for x in product(grid, repeat=problem.size)]
         bottom, top = problem.year.tiles.bounds[:, 2:].T
         at = ((bottom + top) / 2 - self.band[0]) / (self.band[1] - self.band[0])
-        films = (at > 2, at >= 0, at > 0.5, at < 0.5, np.abs(at - 0.5) < 1 / 6)
-        return [
-            np.concatenate(
-                [
-                    film.astype(float) if p.key == "film" else np.full(p.count, p.start_fraction)
-                    for p in problem.free
-                ]
-            )
-            for film in films
-        ]
+        return films_by_height(problem, at)
 
     def _strips(self, panes: Panes, part: float) -> Map:
         """Map of single tiles; `part` of the band is window, all of it if 1."""
@@ -270,6 +262,23 @@ class Layout:
             start = min(max(now, limits[0]), limits[1])
             factors.append(Factor(str(column), Parameter(key, *limits, start), now))
         return tuple(factors)
+
+
+def films_by_height(problem: FacadeProblem, at: np.ndarray) -> list[np.ndarray]:
+    """Designs (free,) of single tiles: a film nowhere, everywhere, above, below, in the middle.
+
+    The tiles lie `at` heights (tile,) between the lowest edge, 0, and the highest, 1.
+    """
+    films = (at > 2, at >= 0, at > 0.5, at < 0.5, np.abs(at - 0.5) < 1 / 6)
+    return [
+        np.concatenate(
+            [
+                film.astype(float) if p.key == "film" else np.full(p.count, p.start_fraction)
+                for p in problem.free
+            ]
+        )
+        for film in films
+    ]
 
 
 def _with_panes(case: Case) -> dict[str, Group]:

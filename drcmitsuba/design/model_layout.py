@@ -1,12 +1,17 @@
-"""Layout of a search over the panes of a model: which of them may take the film.
+"""Layout of a search over a model: which panes may take the film, or which walls get windows.
 
 Panes of one material that face one direction are a tile, whose area the film shares with what the
-model draws there. Panes keep their size and place.
+model draws there; they keep their size and place. Outer walls that `[design]` means are cut into
+tiles (`scene.tiled_walls`), each of which wall, clear glass and film share, as in a room of boxes.
+
+    case ─ TiledWalls ─► drawn, clear, film: three variants of one model
+         ─ SharedFacades ─► openings and fills ─► light by element ─► FacadeYear ─► FacadeProblem
+    optimum ─ windows_of ─► the model with these windows, a case of its own
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
@@ -14,7 +19,7 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.annual.chosen_facade import light_of_channels
-from drcmitsuba.annual.result import Result
+from drcmitsuba.annual.result import Result, evaluate
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.summed_year import accuracy_of
 from drcmitsuba.annual.variants import SharedElements, joined_effects
@@ -31,6 +36,16 @@ from drcmitsuba.design.facade_tiles import (
     group_of_elements,
 )
 from drcmitsuba.design.facade_year import FacadeYear
+from drcmitsuba.design.layout import films_by_height
+from drcmitsuba.design.model_windows import (
+    CLEAR,
+    WindowArea,
+    bounds_of,
+    clear_of,
+    tiled_walls,
+    windows_of,
+    with_fill,
+)
 from drcmitsuba.design.optimise import FacadeOptimum, Search
 from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.design.problem import FacadeProblem, Goal
@@ -44,30 +59,33 @@ from drcmitsuba.runtime.toml import choose, shortened
 from drcmitsuba.scene.like_panes import LikePanes, like_panes
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.shared_facades import SharedFacades
+from drcmitsuba.scene.tiled_walls import TiledWalls
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.daylight import daylight as daylight_of
 
-CLEAR = "as drawn"
-"""Name of what the model draws in its panes."""
-OF_BOXES = (
-    "clear", "band", "rows", "row_height", "segments", "wwr", "glazing_transmittance", "shade_vlt",
-)  # fmt: skip
-"""Keys of `[design]` that cut a wall into tiles, or change its glass."""
+FIXED = ("glazing_transmittance", "shade_vlt")
+"""Keys of `[design]` that change the glass, which a model keeps."""
 
 
 @dataclass(frozen=True)
 class ModelLayout:
     """Contents of `[design]` for a model."""
 
-    case: Case
+    variants: tuple[Case, Case, Case]
+    """The case as drawn, with clear panes in all that is searched, and with the film there; the
+    first two are one where panes are searched."""
     design: Design
     film: str
+    clear: str
+    """Name of the fill that is not the film: a material, or `CLEAR`."""
     every: tuple[LikePanes, ...]
-    """All panes to the outside by material and direction."""
+    """All panes and tiles to the outside by material and direction."""
     searched: tuple[int, ...]
-    """Indices of the panes that may take the film."""
+    """Indices of the panes or tiles that are searched."""
     facades: SharedFacades
-    """The model as drawn, and with the film in all of these panes."""
+    """Openings and fills of the variants."""
+    walls: TiledWalls | None = None
+    """Walls that are cut into tiles; None where panes are searched."""
 
     @classmethod
     def of(cls, case: Case) -> ModelLayout:
@@ -76,17 +94,17 @@ class ModelLayout:
         Raises
         ------
         InputError
-            There is no `[design]`, no pane is meant, or the search asks for what panes of a model
-            have not.
+            There is no `[design]`, no pane or wall is meant, or the search asks for what a model
+            has not.
         """
         design = case.design
         if design is None or design.film is None:
             got = "no film is named"
             raise InputError(case.source, "design.film", got, "name a material of [materials]")
         case.refuse_overruled("the search for a façade")
-        for key in OF_BOXES:
+        for key in FIXED:
             if key in design.model_fields_set:
-                got = "the panes of a model keep their size, place and glass"
+                got = "the panes of a model keep their glass"
                 raise InputError(case.source, f"design.{key}", got, "leave it out")
         films = [name for name in case.panes if not case.is_clear(name)]
         if design.film not in films:
@@ -94,15 +112,36 @@ class ModelLayout:
             raise InputError(case.source, "design.film", got, choose(design.film, films))
         if isinstance(case.sun, Adaptive):  # its mesh would follow one composition
             case = case.with_tables(sun=TrueSun())
+        if design.cuts_walls:
+            return cls._of_walls(case, design, design.film)
         every = tuple(like_panes(case))
         searched = tuple(g for g, panes in enumerate(every) if _is_meant(design, panes))
         if not searched:
             known = ", ".join(map(str, every)) or "there are none"
             got, remedy = "no clear pane is meant", f"name some of the panes: {known}"
             raise InputError(case.source, "design.panes", got, remedy)
-        covered = _with_film(case, design.film, [every[g] for g in searched])
-        facades = SharedFacades.of([case, covered])
-        return cls(case, design, design.film, every, searched, facades)
+        covered = with_fill(case, design.film, {every[g].name: "" for g in searched})
+        facades = SharedFacades.of([case, case, covered])
+        return cls((case, case, covered), design, design.film, CLEAR, every, searched, facades)
+
+    @classmethod
+    def _of_walls(cls, case: Case, design: Design, film: str) -> ModelLayout:
+        clear = clear_of(case, design)
+        walls = tiled_walls(case, design)
+        panes = {panes.layer: panes for panes in like_panes(walls.case)}
+        tiles = {walls.case.building.layers[i].name: panes[i].facing for i in walls.layers}
+        glazed, covered = (with_fill(walls.case, name, tiles) for name in (clear, film))
+        every = tuple(like_panes(glazed))
+        at = {panes.layer: g for g, panes in enumerate(every)}
+        facades = SharedFacades.of([walls.case, glazed, covered])
+        searched = tuple(at[i] for i in walls.layers)
+        variants = (walls.case, glazed, covered)
+        return cls(variants, design, film, clear, every, searched, facades, walls)
+
+    @property
+    def case(self) -> Case:
+        """The case as drawn."""
+        return self.variants[0]
 
     @property
     def search(self) -> Search:
@@ -110,39 +149,56 @@ class ModelLayout:
         return Search.of(self.design)
 
     def year(self, stage: Stage = silent) -> FacadeYear:
-        """Panes under the daylight of the case's period; errors are those of `FacadeYear.of`."""
+        """Openings under the daylight of the case's period; errors are those of `FacadeYear.of`."""
         with stage("sky"):
             light = daylight_of(self.case)
         shared = self._light(self.case, light, stage)
         return FacadeYear.of(self._tiled(shared, light.sky["time"]), light)
 
     def problem(self, year: FacadeYear) -> FacadeProblem:
-        """Optimisation problem of a year."""
+        """Optimisation problem of a year; InputError where no window is allowed."""
+        window, area = Parameter.fixed("window", 1.0), None
+        panes = Panes(year.tiles, year.materials, self.clear, self.film)
+        if self.walls is not None:
+            allowed = WindowArea.of(self.case.source, self.design, self.walls, year.tiles)
+            window, area = allowed.parameter(panes.count), allowed.limits
         goal = Goal(
             rules=rules(self.case, year.step_hours),
             film=self.film,
             aim=self.design.objective,
             film_cost=self.design.film_cost,
             ase_limit=self.design.ase_limit,
+            window_area=area,
         )
-        panes = Panes(year.tiles, year.materials, CLEAR, self.film)
         film = Parameter("film", 0.0, 1.0, 0.5, panes.count)
-        return FacadeProblem(year, Strips(panes, Parameter.fixed("window", 1.0), film), goal)
+        return FacadeProblem(year, Strips(panes, window, film), goal)
 
     def known(self, problem: FacadeProblem) -> list[np.ndarray]:
-        """Designs that are evaluated first: the film nowhere, everywhere, and in one tile alone."""
+        """Designs that are evaluated first: the film nowhere and everywhere, and in parts.
+
+        In panes, it is in one tile alone; in walls, above, below and in the middle.
+        """
+        if self.walls is not None:
+            bottom, top = problem.year.tiles.bounds[:, 2:].T
+            at = ((bottom + top) / 2 - bottom.min()) / (top.max() - bottom.min())
+            return films_by_height(problem, at)
         size = problem.size
         return [np.zeros(size), np.ones(size), *(np.eye(size) if size > 1 else ())]
 
     def afresh(self, optimum: FacadeOptimum, stage: Stage = silent) -> Result:
-        """Evaluate an optimum by the light of other paths: its noise took no part in the search."""
+        """Evaluate an optimum by the light of other paths: its noise took no part in the search.
+
+        New windows are drawn into the model; panes take the film by their shares.
+        """
+        if self.walls is not None:
+            return evaluate(self.built(optimum), stage)
         seed = case_seed(self.case.accuracy.seed, Stream.FRESH_SEED)
         accuracy = self.case.accuracy.model_copy(update={"seed": seed})
         case = self.case.with_tables(accuracy=accuracy)
         with stage("sky"):
             light = daylight_of(case)
         film = optimum.best.share[:, optimum.problem.year.materials.index(self.film)]
-        as_drawn, covered = self.facades.drawn
+        _, as_drawn, covered = self.facades.drawn
         rows = dict(as_drawn)
         for g, share in zip(self.searched, film, strict=True):
             rows[g] = ((1 - share) * as_drawn[g] + share * covered[g]).astype(np.float32)
@@ -150,12 +206,19 @@ class ModelLayout:
         shared = replace(self._light(case, light, stage), cases=[case], facades=facades)
         return shared.simulated(0).result()
 
+    def built(self, optimum: FacadeOptimum) -> Case:
+        """Case of an optimum whose new windows are drawn into the walls."""
+        assert self.walls is not None
+        year = optimum.problem.year
+        panes = windows_of(self.walls, optimum.best.share, year.materials, self.film)
+        return self.walls.with_windows(panes)
+
     def _light(self, case: Case, light: Daylight, stage: Stage) -> SharedElements:
-        """Light of all panes with all of their fills."""
+        """Light of all openings with all of their fills."""
         run = replace(Run.of(case), stage=stage)
         accuracy = accuracy_of(case, run)
-        covered = _with_film(case, self.film, [self.every[g] for g in self.searched])
-        scope = joined_effects([plan(each, light).scope for each in (case, covered)])
+        filled = [each.with_tables(accuracy=case.accuracy) for each in self.variants[1:]]
+        scope = joined_effects([plan(each, light).scope for each in filled])
         scope = replace(scope, solved_cells=False)  # gradients follow paths
         facades = self.facades
         with run.timed("light by pane") as done:
@@ -166,28 +229,27 @@ class ModelLayout:
 
     def _tiled(self, shared: SharedElements, time: xr.DataArray) -> TiledLight:
         """Light as tiles of a façade have it."""
-        states, (as_drawn, covered) = self.facades.panes.states, self.facades.drawn
+        states, columns = self.facades.panes.states, ("wall", self.clear, self.film)
         starts, count = states.starts, states.starts[-1]
-        place, still, is_open = (
-            np.full(count, -1),
-            np.zeros(count, np.float32),
-            np.zeros(count, bool),
-        )
-        names = [""] * count
-        for g, row in as_drawn.items():
-            clear, film = (starts[g] + int(r.argmax()) for r in (row, covered[g]))
-            still[clear], is_open[clear], names[clear] = 1, True, CLEAR
-            if g in self.searched:
-                tile = self.searched.index(g)
-                still[clear], place[clear], place[film] = 0, 3 * tile + 1, 3 * tile + 2
-                is_open[film], names[film] = True, self.film
+        place, still = np.full(count, -1), np.zeros(count, np.float32)
+        is_open, names = np.zeros(count, bool), [""] * count
+        tile_of = {g: tile for tile, g in enumerate(self.searched)}
+        for g in range(len(self.every)):
+            fills = [starts[g] + int(rows[g].argmax()) for rows in self.facades.drawn]
+            still[fills[0]] = g not in tile_of
+            for column, (fill, name) in enumerate(zip(fills, columns, strict=True)):
+                if column == 0 and self.walls is None:
+                    continue  # panes are no wall
+                is_open[fill], names[fill] = True, name if g in tile_of else CLEAR
+                if g in tile_of:
+                    place[fill] = 3 * tile_of[g] + column
         groups = self._groups(time)
         by_element = {place.element: place for place in self._places()}
         places = [] if groups is None else [*by_element.values()]
         several = groups is not None and len(groups.rule.groups) > 1
         return TiledLight(
             tiles=self._tiles(),
-            materials=("wall", CLEAR, self.film),
+            materials=columns,
             names=tuple(names),
             as_drawn=still,
             is_open=is_open,
@@ -199,7 +261,10 @@ class ModelLayout:
         )
 
     def _tiles(self) -> Tiles:
-        """Searched panes side by side, each as a rectangle of 1 m height with its area."""
+        """Tiles of walls side by side; searched panes likewise, each of 1 m height by its area."""
+        names = tuple(str(self.every[g]) for g in self.searched)
+        if self.walls is not None:
+            return bounds_of(self.walls, names)
         size = []
         for g in self.searched:
             panes = self.every[g]
@@ -207,38 +272,34 @@ class ModelLayout:
             size.append(areas(self.case.building.layers[panes.layer].quads[panes.quads]).sum())
         right = np.cumsum(size)
         left, zero = right - size, np.zeros(len(size))
-        bounds = np.stack([left, right, zero, zero + 1], axis=1)
-        return Tiles(bounds, tuple(str(self.every[g]) for g in self.searched))
+        return Tiles(np.stack([left, right, zero, zero + 1], axis=1), names)
 
     def _groups(self, time: xr.DataArray) -> FacadeGroups | None:
         """Groups of panes that close; None where nothing ever does."""
-        case, states = self.case, prepared(self.case).groups.states
+        case = self.variants[1]
+        states = prepared(case).groups.states
         if not any(states.closable):
             return None
         return FacadeGroups.of_case(case, states, time)
 
     def _places(self) -> Iterator[Place]:
         """Yield the elements that a group, or the shade, changes."""
-        starts, shade = self.facades.panes.states.starts, self.case.shading
-        of_panes = prepared(self.case).groups
-        for drawn, members in zip(self.facades.drawn, self.facades.members, strict=True):
+        case, starts = self.variants[1], self.facades.panes.states.starts
+        shade, of_panes = case.shading, prepared(case).groups
+        variants = zip(self.facades.drawn, self.facades.members, strict=True)
+        for number, (drawn, members) in enumerate(variants):
             for g, row in drawn.items():
                 panes, element = self.every[g], starts[g] + int(row.argmax())
                 assert panes.quads is not None
-                if self.case.groups and g in members:
+                if case.groups and g in members:
                     further = tuple(starts[g] + f for f in members[g].fills)
                     yield Place(element, members[g].group, further)
-                elif shade is not None and not self.case.groups and drawn is self.facades.drawn[0]:
-                    number = int(of_panes.of_quads[panes.layer][panes.quads[0]])
-                    if panes.clear and number >= 0:
+                elif shade is not None and not case.groups and number == 1:
+                    group = int(of_panes.of_quads[panes.layer][panes.quads[0]])
+                    if panes.clear and group >= 0:
                         names = self.facades.panes.states.states[g]
-                        yield Place(element, number, (starts[g] + names.index(shade.material, 1),))
-
-
-def _with_film(case: Case, film: str, searched: Sequence[LikePanes]) -> Case:
-    """Case with a film in all searched panes."""
-    materials = dict.fromkeys((panes.name for panes in searched), case.materials[film])
-    return case.with_tables(materials={**case.materials, **materials})
+                        closed = starts[g] + names.index(shade.material, 1)
+                        yield Place(element, group, (closed,))
 
 
 def _is_meant(design: Design, panes: LikePanes) -> bool:

@@ -1,0 +1,240 @@
+"""Walls of spaces: upright opaque surfaces of a model, plane by plane, with the space behind them.
+
+The surfaces in one plane are joined. A line just inside the plane tells which spaces lie behind
+it; what has a space on both sides is a wall between rooms, and no wall here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import shapely
+
+from drcmitsuba.case.case import Case
+from drcmitsuba.model.materials import Lambertian
+from drcmitsuba.model.model import Layer, Model, areas
+from drcmitsuba.model.plane import Plane
+from drcmitsuba.model.space import Space
+from drcmitsuba.runtime import lazy
+from drcmitsuba.scene.geometry import normals, turn
+from drcmitsuba.scene.panes_of_model import side_name
+from drcmitsuba.scene.prepared_case import prepared
+
+sparse, csgraph = lazy.module("scipy.sparse"), lazy.module("scipy.sparse.csgraph")
+spatial = lazy.module("scipy.spatial")
+
+UPRIGHT = 0.02
+"""Largest vertical part of an upright wall's normal [–]."""
+SAME_PLANE = 1e-3
+"""Distance [m], and difference of normals [–], within which surfaces lie in one plane."""
+INSIDE = 0.05
+"""Distance from a wall at which its space is looked for [m]."""
+GRID = 1e-6
+"""Grid to which corners of cut shapes are rounded [m]."""
+LEAST = 0.01
+"""Area of the smallest wall [m²]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """Surfaces of a model in one plane."""
+
+    plane: Plane
+    quads: Mapping[int, np.ndarray]
+    """Indices of the quads in the plane, by layer."""
+
+    def shape(self, model: Model, layer: int) -> Any:
+        """Union of a layer's quads in the plane, as shapely's geometry [m]."""
+        return shape_in(self.plane, model.layers[layer].quads[self.quads[layer]])
+
+
+@dataclass(frozen=True, eq=False)
+class SpaceWall:
+    """Wall of a space in one plane."""
+
+    space: str
+    """Name of the space behind it."""
+    floor: float
+    """Height of that space's floor [m]."""
+    plane: Plane
+    """Plane whose normal leads out of the space; seen from there, u goes from left to right, and v
+    is the height above the model's origin."""
+    facing: str
+    """Direction that it faces, such as "south"."""
+    shapes: Mapping[int, Any]
+    """Parts of opaque layers that nothing else in the plane covers, in the plane [m], by layer."""
+    outline: Any
+    """All surfaces of the wall, holes filled, in the plane [m]."""
+    openings: float
+    """Area of panes and holes in it [m²]."""
+
+
+def shape_in(plane: Plane, quads: np.ndarray) -> Any:
+    """Union of quads (quad, 4, 3) in a plane, as shapely's geometry [m]."""
+    flat = quads - plane.corner
+    corners = np.stack([flat @ plane.u, flat @ plane.v], axis=-1)
+    return shapely.union_all(shapely.polygons(corners), grid_size=GRID)
+
+
+def upright_plane(corner: np.ndarray, outward: np.ndarray) -> Plane:
+    """Plane through a corner (3,) [m]; seen from outside, u goes to the right, and v up."""
+    u = np.cross([0.0, 0.0, 1.0], outward)
+    u /= np.linalg.norm(u)
+    return Plane(outward * (corner @ outward), u, np.cross(outward, u), outward)
+
+
+def upright_sheets(model: Model) -> list[Sheet]:
+    """Upright surfaces and panes of a model, without its context, by plane."""
+    members: list[tuple[int, np.ndarray]] = []
+    for i, layer in enumerate(model.layers):
+        if layer.role != "context":
+            n, size = _normals(layer.quads)
+            members.append((i, np.flatnonzero((size > GRID) & (np.abs(n[:, 2]) < UPRIGHT))))
+    of_layer = np.repeat([i for i, _ in members], [len(some) for _, some in members])
+    index = np.concatenate([np.zeros(0, int), *(some for _, some in members)])
+    if not len(index):
+        return []
+    quads = np.concatenate([model.layers[i].quads[some] for i, some in members])
+    n, size = _normals(quads)
+    n = n * np.where(n @ [0.61, 0.77, 0.0] < 0, -1, 1)[:, None]
+    start = quads.min(axis=(0, 1))
+    keys = np.column_stack([n, np.einsum("qi,qi->q", n, quads[:, 0] - start)]) / SAME_PLANE
+    rough, place = np.unique(np.round(keys), axis=0, return_inverse=True)
+    pairs = spatial.cKDTree(rough).query_pairs(1.8, output_type="ndarray").T
+    links = sparse.coo_matrix((np.ones(pairs.shape[1], bool), pairs), (len(rough), len(rough)))
+    number = csgraph.connected_components(links, directed=False)[1][place.ravel()]
+    sheets = []
+    for k in range(number.max() + 1):
+        mine = np.flatnonzero(number == k)
+        largest = mine[np.argmax(size[mine])]
+        plane = upright_plane(quads[largest, 0], n[largest])
+        by_layer = {i: index[mine[of_layer[mine] == i]] for i in np.unique(of_layer[mine]).tolist()}
+        sheets.append(Sheet(plane, by_layer))
+    return sheets
+
+
+def is_wall(layer: Layer) -> bool:
+    """Whether a layer is opaque, diffuse and always stands."""
+    changes = layer.group or layer.stands_in or layer.states
+    return layer.role == "surface" and isinstance(layer.material, Lambertian) and not changes
+
+
+def walls_of(case: Case) -> list[SpaceWall]:
+    """Walls of all spaces of a model that have no other space on their outer side."""
+    spaces = prepared(case).spaces
+    if not spaces:
+        return []
+    floors = _Floors(spaces)
+    return [
+        wall
+        for sheet in upright_sheets(case.building)
+        if any(is_wall(case.building.layers[i]) for i in sheet.quads)
+        for wall in _walls_in(case.building, sheet, floors)
+    ]
+
+
+def _walls_in(model: Model, sheet: Sheet, floors: _Floors) -> Iterator[SpaceWall]:
+    """Walls in a plane, with spaces on either side of it."""
+    shapes = {i: sheet.shape(model, i) for i in sheet.quads}
+    every = shapely.union_all([*shapes.values()], grid_size=GRID)
+    low, _, high, _ = every.bounds
+    sides = [floors.behind(sheet.plane, sign, low, high) for sign in (-1, 1)]
+    unions = [shapely.union_all([region for *_, region in side]) for side in sides]
+    for sign, side, beyond in ((1, sides[0], unions[1]), (-1, sides[1], unions[0])):
+        outward = sign * sheet.plane.normal
+        plane = upright_plane(sheet.plane.corner, outward)
+        facing = side_name(-outward @ turn(-model.north).T, True)
+        for name, floor, region in side:
+            here = shapely.difference(region, beyond)
+            of_space = {i: _common(shape, here) for i, shape in shapes.items()}
+            walls = {i: s for i, s in of_space.items() if is_wall(model.layers[i])}
+            free = {}
+            for i, own in walls.items():
+                others = [s for j, s in of_space.items() if j != i]
+                free[i] = shapely.difference(own, shapely.union_all(others), grid_size=GRID)
+            free = {i: _turned(s, sign) for i, s in free.items() if s.area > LEAST}
+            if not free:
+                continue
+            opaque = shapely.union_all(
+                [s for i, s in of_space.items() if model.layers[i].role == "surface"]
+            )
+            outline = _filled(shapely.union_all([*of_space.values()], grid_size=GRID))
+            openings = outline.area - opaque.area
+            outline = _turned(outline, sign)
+            yield SpaceWall(name, floor, plane, facing, free, outline, openings)
+
+
+@dataclass(frozen=True, eq=False)
+class _Floors:
+    """Floors of spaces, from the highest."""
+
+    spaces: Sequence[Space]
+
+    @cached_property
+    def rows(self) -> list[tuple[Space, float, Any]]:
+        rows = [(s, floor.height, floor.outline) for s in self.spaces for floor in s.floors]
+        return sorted(rows, key=lambda row: -row[1])
+
+    @cached_property
+    def tree(self) -> Any:
+        return shapely.STRtree([outline for *_, outline in self.rows])
+
+    def behind(
+        self, plane: Plane, sign: int, low: float, high: float
+    ) -> list[tuple[str, float, Any]]:
+        """Name, floor [m] and region in a plane of each space on one side, `sign` times its normal.
+
+        Regions lie between `low` and `high` along u [m]; a space ends where the next one above it
+        begins.
+        """
+        ends = np.array([[low], [high]]) * plane.u + plane.corner + sign * INSIDE * plane.normal
+        line = shapely.LineString(ends[:, :2])
+        taken, found = shapely.Polygon(), []
+        for k in sorted(self.tree.query(line, "intersects").tolist()):
+            space, floor, outline = self.rows[k]
+            parts = shapely.get_parts(shapely.intersection(line, outline))
+            spans = [
+                sorted(((np.array(part.coords) - plane.corner[:2]) @ plane.u[:2]).tolist())
+                for part in parts
+                if part.geom_type == "LineString"
+            ]
+            top = space.ceiling if np.isfinite(space.ceiling) else floor + 1e3
+            z = np.array([floor, top]) - plane.corner[2]
+            boxes = [shapely.box(span[0], z[0], span[-1], z[1]) for span in spans]
+            region = shapely.difference(shapely.union_all(boxes), taken)
+            taken = shapely.union(taken, region)
+            if region.area > LEAST:
+                found.append((space.name, floor, region))
+        return found
+
+
+def _normals(quads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normals (quad, 3), and areas (quad,) [m²]."""
+    size = areas(quads)
+    n = np.zeros((len(quads), 3))
+    some = size > 0
+    n[some] = normals(quads[some])
+    return n, size
+
+
+def _common(one: Any, other: Any) -> Any:
+    """Polygons that two shapes share; lines where they only touch are left out."""
+    both = shapely.intersection(one, other, grid_size=GRID)
+    parts = [p for p in shapely.get_parts(both) if p.geom_type == "Polygon"]
+    return shapely.MultiPolygon(parts)
+
+
+def _filled(shape: Any) -> Any:
+    """Shape without its holes."""
+    return shapely.union_all([shapely.Polygon(p.exterior) for p in shapely.get_parts(shape)])
+
+
+def _turned(shape: Any, sign: int) -> Any:
+    """Shape as it is, or seen from behind."""
+    if sign > 0:
+        return shape
+    return shapely.transform(shape, lambda uv: uv * [-1.0, 1.0])

@@ -1,0 +1,350 @@
+"""Outer walls of a model cut into tiles, which may become windows.
+
+A wall of a space (`space_walls`) is cut by a grid of rows and segments of its own. Tiles are panes
+of the wall's own material: openings with fills, as panes that were drawn. Only those stay that look
+at the sky or the ground; the others are wall again. Panes that were drawn stay what they are.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from typing import Any, NamedTuple
+
+import mitsuba as mi
+import numpy as np
+import shapely
+
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.design import Design
+from drcmitsuba.model.materials import Lambertian, SurfaceMaterial
+from drcmitsuba.model.model import Layer, Model
+from drcmitsuba.model.plane import Rings
+from drcmitsuba.model.polygon import quads_of
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import choose, shortened
+from drcmitsuba.scene.facade_rectangles import between
+from drcmitsuba.scene.geometry import normals
+from drcmitsuba.scene.panes_of_model import (
+    AWAY,
+    OFFSET,
+    RAYS,
+    all_surfaces,
+    escaping,
+    panes_of_model,
+)
+from drcmitsuba.scene.prepared_case import prepared
+from drcmitsuba.scene.space_walls import GRID, SAME_PLANE, SpaceWall, shape_in, walls_of
+
+NARROW = 0.04
+"""Width below which a part of a tile stays wall [m]."""
+CURVED = 3
+"""Number of planes by which the wall of a space that faces one direction counts as curved."""
+THICKEST = 1.0
+"""Largest distance between two faces of one wall [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class WallTile:
+    """Piece of a wall that may become a window."""
+
+    name: str
+    wall: int
+    """Index of its wall."""
+    column: int
+    """Number of its segment, from the left as seen from outside."""
+    bounds: tuple[float, float, float, float]
+    """Left and right from the wall's left end, bottom and top above the space's floor [m]."""
+    layer: int
+    """Index of the layer that it is cut out of."""
+    shape: Any
+    """Piece in the wall's plane, as shapely's geometry [m]."""
+
+
+class Pane(NamedTuple):
+    """Pane that is cut out of a wall."""
+
+    name: str
+    """Name of its material; panes of one name become one layer."""
+    material: SurfaceMaterial
+    wall: SpaceWall
+    layer: int
+    """Index of the layer that it is cut out of."""
+    shape: Any
+    """In the wall's plane, as shapely's geometry [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class TiledWalls:
+    """Outer walls of a model, and the tiles that they are cut into."""
+
+    drawn: Case
+    """The case as it was."""
+    case: Case
+    """The case with its tiles, each a layer of panes of the wall's material."""
+    walls: tuple[SpaceWall, ...]
+    tiles: tuple[WallTile, ...]
+
+    @classmethod
+    def of(cls, case: Case, design: Design, rows: int, segments: int) -> TiledWalls:
+        """Cut the outer walls that `[design]` means into `rows` and `segments` each.
+
+        Raises
+        ------
+        InputError
+            No outer wall is meant, a wall is curved or has two faces, or the band misses all walls.
+        """
+        walls = _meant(case, design)
+        _refuse_curved(case, walls)
+        tiles = _tiles(case, walls, design, rows, segments)
+        if not tiles:
+            low, high = design.band or (0, 0)
+            got, remedy = f"no wall from {low:g} to {high:g} m", "give heights above the floor [m]"
+            raise InputError(case.source, "design.band", got, remedy)
+        panes = panes_of_model(_cut(case, walls, tiles).building)
+        kept = _outdoors(case, walls, tiles, panes.layer[panes.outside].tolist())
+        _refuse_two_faces(case, walls, tiles, kept)
+        if not kept:
+            got = f"no outdoors behind {_named(case, walls)}"
+            remedy = "name outer walls in side, spaces or walls"
+            raise InputError(case.source, "design.walls", got, remedy)
+        used = sorted({tile.wall for tile in kept})
+        numbers = {wall: place for place, wall in enumerate(used)}
+        tiles = [replace(tile, wall=numbers[tile.wall]) for tile in kept]
+        walls = [walls[i] for i in used]
+        return cls(case, _cut(case, walls, tiles), tuple(walls), tuple(tiles))
+
+    @property
+    def area(self) -> float:
+        """Area of the walls, their panes included [m²]."""
+        return float(sum(wall.outline.area for wall in self.walls))
+
+    @property
+    def openings(self) -> float:
+        """Area of panes and holes that were drawn in the walls [m²]."""
+        return float(sum(wall.openings for wall in self.walls))
+
+    @property
+    def layers(self) -> tuple[int, ...]:
+        """Index of the layer of every tile in the case with its tiles."""
+        return tuple(range(len(self.drawn.building.layers), len(self.case.building.layers)))
+
+    def with_windows(self, panes: Sequence[tuple[str, WallTile, Any]]) -> Case:
+        """Case as it was with panes of its materials, each a shape within a tile [m]."""
+        cuts = [
+            Pane(name, self.drawn.materials[name], self.walls[tile.wall], tile.layer, shape)
+            for name, tile, shape in panes
+        ]
+        return self.drawn.with_building(with_panes(self.drawn.building, cuts))
+
+
+def with_panes(model: Model, panes: Sequence[Pane]) -> Model:
+    """Model with panes cut out of its walls, in layers behind those that it has.
+
+    Panes of one name are one layer, in the order of their names. Fronts face the spaces.
+    """
+    layers = list(model.layers)
+    of_sheet: dict[tuple[int, int], list[Pane]] = defaultdict(list)
+    for pane in panes:
+        of_sheet[id(pane.wall.plane), pane.layer].append(pane)
+    for (_, i), mine in of_sheet.items():
+        layers[i] = _without(layers[i], mine)
+    named: dict[str, list[Pane]] = defaultdict(list)
+    for pane in panes:
+        named[pane.name].append(pane)
+    for name, mine in named.items():
+        polygons = [rings for pane in mine for rings in pane.wall.plane.rings(pane.shape, GRID)]
+        first = mine[0]
+        places = tuple(f"window {k} in {layers[first.layer].name}" for k in range(len(polygons)))
+        empty = Layer(name, first.material, "pane", np.zeros((0, 4, 3)), np.zeros(0, int), ())
+        layers.append(_joined(empty, [tuple(r[::-1] for r in rings) for rings in polygons], places))
+    return replace(model, layers=tuple(layers))
+
+
+def _without(layer: Layer, panes: Sequence[Pane]) -> Layer:
+    """Layer without panes in one plane: the quads that they touch become the wall around them."""
+    plane, shape = panes[0].wall.plane, shapely.union_all([pane.shape for pane in panes])
+    n = np.nan_to_num(normals(layer.quads))
+    flat = layer.quads - plane.corner
+    near = np.abs(n @ plane.normal) > 0.999
+    near &= (np.abs(flat @ plane.normal) < 2 * SAME_PLANE).all(axis=1)
+    corners = np.stack([flat[near] @ plane.u, flat[near] @ plane.v], axis=-1)
+    touched = np.flatnonzero(near)[
+        shapely.area(shapely.intersection(shapely.polygons(corners), shape)) > GRID
+    ]
+    rest = shapely.difference(shape_in(plane, layer.quads[touched]), shape, grid_size=GRID)
+    polygons = plane.rings(rest, GRID)
+    if n[touched[0]] @ plane.normal < 0:
+        polygons = [tuple(ring[::-1] for ring in rings) for rings in polygons]
+    kept = np.delete(np.arange(len(layer.quads)), touched)
+    place = layer.place(int(touched[0]))
+    left = replace(layer, quads=layer.quads[kept], polygon=layer.polygon[kept])
+    return _joined(left, polygons, (place,) * len(polygons))
+
+
+def _joined(layer: Layer, polygons: Sequence[Rings], places: Sequence[str]) -> Layer:
+    """Layer with further polygons."""
+    first = max(len(layer.places), int(layer.polygon.max(initial=-1)) + 1)
+    known = (*layer.places, *layer.places[-1:] * (first - len(layer.places)))
+    quads = [quads_of(rings[0], rings[1:]) for rings in polygons]
+    numbers = np.repeat(first + np.arange(len(quads)), [len(of) for of in quads])
+    return replace(
+        layer,
+        quads=np.concatenate([layer.quads, *quads]),
+        polygon=np.concatenate([layer.polygon, numbers]),
+        places=(*known, *places),
+    )
+
+
+def _meant(case: Case, design: Design) -> list[SpaceWall]:
+    """Walls that `[design]` means by side, space and material, with these materials alone."""
+    layers, every = case.building.layers, walls_of(case)
+    spaces = [space.name for space in prepared(case).spaces]
+    if not spaces:
+        remedy = "state its rooms in [spaces], or give sensors above floors"
+        raise InputError(case.source, "design.spaces", "the model has no spaces", remedy)
+    names = list(dict.fromkeys(layers[i].name for wall in every for i in wall.shapes))
+    for key, patterns, known in (("spaces", design.spaces, spaces), ("walls", design.walls, names)):
+        for pattern in patterns:
+            if not any(fnmatchcase(name, pattern) for name in known):
+                got = f"none is called {shortened(pattern)}"
+                raise InputError(case.source, f"design.{key}", got, choose(pattern, known))
+    facings = sorted({wall.facing for wall in every})
+    if design.side is not None and design.side not in facings:
+        got = f"no outer wall faces {design.side}"
+        remedy = choose(design.side, facings) if facings else "give its rooms upright walls"
+        raise InputError(case.source, "design.side", got, remedy)
+
+    def is_named(name: str, patterns: Sequence[str]) -> bool:
+        return not patterns or any(fnmatchcase(name, pattern) for pattern in patterns)
+
+    meant = []
+    for wall in every:
+        shapes = {i: s for i, s in wall.shapes.items() if is_named(layers[i].name, design.walls)}
+        if shapes and is_named(wall.space, design.spaces) and design.side in (None, wall.facing):
+            meant.append(replace(wall, shapes=shapes))
+    if not meant:
+        got, remedy = "no wall has this side, space and material", "leave one of them out"
+        raise InputError(case.source, "design.walls", got, remedy)
+    return meant
+
+
+def _tiles(
+    case: Case, walls: Sequence[SpaceWall], design: Design, rows: int, segments: int
+) -> list[WallTile]:
+    """Tiles of walls, row by row from below."""
+    tiles: list[WallTile] = []
+    numbers: dict[str, int] = defaultdict(int)
+    taken = {layer.name for layer in case.building.layers} | {*case.materials}
+    for w, wall in enumerate(walls):
+        left, bottom, right, top = shapely.union_all([*wall.shapes.values(), wall.outline]).bounds
+        foot = wall.floor - wall.plane.corner[2]
+        low, high = design.band or (bottom - foot, top - foot)
+        if design.row_height is not None:
+            rows = min(100, max(1, round((high - low) / design.row_height)))
+        x, z = np.linspace(left, right, segments + 1), np.linspace(low, high, rows + 1) + foot
+        for k, cell in enumerate(between(x, z)):
+            box = shapely.box(cell[0], cell[2], cell[1], cell[3])
+            for layer, own in wall.shapes.items():
+                shape = _wide(shapely.intersection(box, own, grid_size=GRID))
+                if shape.is_empty:
+                    continue
+                numbers[wall.space] += 1
+                name = f"{wall.space.replace('/', '-')} window {numbers[wall.space]}"
+                while name in taken:
+                    name += "'"
+                bounds = np.array(shape.bounds)[[0, 2, 1, 3]] - [left, left, foot, foot]
+                column = k % segments
+                tiles.append(WallTile(name, w, column, tuple(bounds.tolist()), layer, shape))
+    return tiles
+
+
+def _wide(shape: Any) -> Any:
+    """Parts of a shape that are wider than `NARROW`."""
+    parts = shapely.get_parts(shape)
+    wide = ~shapely.is_empty(shapely.buffer(parts, -NARROW / 2)) if len(parts) else []
+    return shapely.MultiPolygon([p for p, w in zip(parts, wide, strict=True) if w])
+
+
+def _cut(case: Case, walls: Sequence[SpaceWall], tiles: Sequence[WallTile]) -> Case:
+    """Case whose walls are cut into tiles of their own material, fronts towards the spaces."""
+    cuts = []
+    for tile in tiles:
+        wall, layer = walls[tile.wall], case.building.layers[tile.layer]
+        assert isinstance(layer.material, Lambertian)
+        material = _turned(layer, wall) if layer.material.behind is not None else layer.material
+        cuts.append(Pane(tile.name, replace(material, polish=0.0), wall, tile.layer, tile.shape))
+    return case.with_building(with_panes(case.building, cuts))
+
+
+def _turned(layer: Layer, wall: SpaceWall) -> Lambertian:
+    """Material of a wall of two reflectances whose front faces the space."""
+    assert isinstance(layer.material, Lambertian)
+    flat = (layer.quads - wall.plane.corner) @ wall.plane.normal
+    mine = layer.quads[(np.abs(flat) < 2 * SAME_PLANE).all(axis=1)]
+    faces_out = float(np.nan_to_num(normals(mine) @ wall.plane.normal).sum()) > 0
+    front, back = layer.material.sides
+    return Lambertian(back, front) if faces_out else layer.material
+
+
+def _outdoors(
+    case: Case, walls: Sequence[SpaceWall], tiles: Sequence[WallTile], outside: Sequence[int]
+) -> list[WallTile]:
+    """Tiles that look at the outdoors alone; `outside` has the layer of each polygon that does."""
+    first = len(case.building.layers)
+    parts = [
+        len(walls[tile.wall].plane.rings(tile.shape, GRID)) == outside.count(first + k)
+        for k, tile in enumerate(tiles)
+    ]
+    return [tile for tile, is_outside in zip(tiles, parts, strict=True) if is_outside]
+
+
+def _refuse_curved(case: Case, walls: Sequence[SpaceWall]) -> None:
+    """Refuse walls of a space that bend within one direction."""
+    by_side: Mapping[tuple[str, str], list[SpaceWall]] = defaultdict(list)
+    for wall in walls:
+        by_side[wall.space, wall.facing].append(wall)
+    for (space, facing), mine in by_side.items():
+        directions = np.unique(np.round([wall.plane.normal for wall in mine], 2), axis=0)
+        if len(directions) >= CURVED:
+            got = f"{_named(case, mine)} of {shortened(space)} bends to {facing} in "
+            got += f"{len(directions)} directions"
+            remedy = "name plane walls in side, spaces or walls"
+            raise InputError(case.source, "design.walls", got, remedy)
+
+
+def _refuse_two_faces(
+    case: Case, walls: Sequence[SpaceWall], tiles: Sequence[WallTile], kept: Sequence[WallTile]
+) -> None:
+    """Refuse walls with an outer face of their own: a cut would open into the wall alone."""
+    names = {tile.name for tile in kept}
+    closed = [tile for tile in tiles if tile.name not in names]
+    if not closed:
+        return
+    scene, low, extent = all_surfaces(case.building, mi.variant())
+    offset = OFFSET * (1 + extent)
+    planes = [walls[tile.wall].plane for tile in closed]
+    inside = [shapely.get_coordinates(t.shape.representative_point())[0] for t in closed]
+    at = [p.corner + x * p.u + y * p.v for p, (x, y) in zip(planes, inside, strict=True)]
+    outward = np.array([p.normal for p in planes])
+    start = np.array(at) - low + offset * outward
+    rays = mi.Ray3f(mi.Point3f(start.T), mi.Vector3f(outward.T))
+    gap = scene.ray_intersect_preliminary(rays).t.numpy()
+    near = gap < THICKEST
+    beyond = start + (np.where(near, gap, 0) + 2 * offset)[:, None] * outward
+    share = escaping(scene, np.repeat(beyond, RAYS, axis=0), np.repeat(outward, RAYS, axis=0))
+    for i in np.flatnonzero(near & (share > AWAY))[:1].tolist():
+        wall, thick = walls[closed[i].wall], float(gap[i]) + offset
+        layer = case.building.layers[closed[i].layer].name
+        got = f"{shortened(layer)} of {shortened(wall.space)} has a second face {thick:.2g} m "
+        got += "behind the first"
+        remedy = "draw one face between room and outdoors, or name other walls"
+        raise InputError(case.source, "design.walls", got, remedy)
+
+
+def _named(case: Case, walls: Sequence[SpaceWall]) -> str:
+    """Materials of walls, in words."""
+    names = dict.fromkeys(case.building.layers[i].name for wall in walls for i in wall.shapes)
+    return ", ".join(map(shortened, [*names][:4]))
