@@ -7,6 +7,7 @@ from itertools import product
 from typing import cast
 
 import numpy as np
+import pandas as pd
 
 from drcmitsuba.annual.chosen_facade import light_of_channels
 from drcmitsuba.annual.result import Result, evaluate
@@ -163,6 +164,10 @@ class Layout:
     def afresh(self, optimum: FacadeOptimum, stage: Stage = silent) -> Result:
         """Evaluate an optimum as a case of its own."""
         return evaluate(self.built(optimum), stage)
+
+    def tables(self, optimum: FacadeOptimum) -> dict[str, pd.DataFrame]:
+        """Tables of an optimum by the names of their files; `optimum.json` has all of a box."""
+        return {}
 
     def built(self, optimum: FacadeOptimum) -> Case:
         """Case of an optimum, with its transmittances where these were free."""

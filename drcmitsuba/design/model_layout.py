@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from drcmitsuba.annual.chosen_facade import light_of_channels
@@ -51,6 +52,7 @@ from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.design.problem import FacadeProblem, Goal
 from drcmitsuba.metrics.evaluate_metrics import rules
 from drcmitsuba.model.model import areas
+from drcmitsuba.model.windows import COLUMNS, NewWindow, rows_of
 from drcmitsuba.plan import notes, plan
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
@@ -63,6 +65,8 @@ from drcmitsuba.scene.tiled_walls import TiledWalls
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.daylight import daylight as daylight_of
 
+WINDOWS = "windows.csv"
+"""Name of the table of new windows."""
 FIXED = ("glazing_transmittance", "shade_vlt")
 """Keys of `[design]` that change the glass, which a model keeps."""
 
@@ -209,9 +213,20 @@ class ModelLayout:
     def built(self, optimum: FacadeOptimum) -> Case:
         """Case of an optimum whose new windows are drawn into the walls."""
         assert self.walls is not None
-        year = optimum.problem.year
-        panes = windows_of(self.walls, optimum.best.share, year.materials, self.film)
-        return self.walls.with_windows(panes)
+        return self.walls.with_windows(self.windows(optimum))
+
+    def windows(self, optimum: FacadeOptimum) -> list[NewWindow]:
+        """New windows of an optimum."""
+        assert self.walls is not None
+        share, materials = optimum.best.share, optimum.problem.year.materials
+        return windows_of(self.walls, share, materials, self.film)
+
+    def tables(self, optimum: FacadeOptimum) -> dict[str, pd.DataFrame]:
+        """Tables of an optimum by the names of their files: its new windows, for `[model]`."""
+        if self.walls is None:
+            return {}
+        rows = rows_of(self.windows(optimum))
+        return {WINDOWS: pd.DataFrame(rows, columns=COLUMNS)}
 
     def _light(self, case: Case, light: Daylight, stage: Stage) -> SharedElements:
         """Light of all openings with all of their fills."""

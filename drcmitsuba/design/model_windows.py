@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import shapely
@@ -18,10 +17,11 @@ from drcmitsuba.design.layout import ROWS
 from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.design.realise import pieces_of
 from drcmitsuba.model.materials import GlazingMaterial
+from drcmitsuba.model.windows import NewWindow
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import choose, named_of_kind, shortened
 from drcmitsuba.scene.pane_groups import group_of
-from drcmitsuba.scene.tiled_walls import TiledWalls, WallTile
+from drcmitsuba.scene.tiled_walls import TiledWalls
 
 CLEAR = "as drawn"
 """Name of what the model draws in its panes."""
@@ -141,8 +141,8 @@ class WindowArea:
 
 def windows_of(
     walls: TiledWalls, share: np.ndarray, materials: Sequence[str], film: str
-) -> list[tuple[str, WallTile, Any]]:
-    """Panes of a composition (tile, material): material, a tile of their wall, and shape [m].
+) -> list[NewWindow]:
+    """Windows of a composition (tile, material).
 
     Materials of a tile share its height, as in `realise`. What an edge of the wall cuts off is
     missing in each of them.
@@ -151,7 +151,7 @@ def windows_of(
     for k, tile in enumerate(walls.tiles):
         stacks[tile.wall, tile.layer, tile.column].append(k)
     tiles = Tiles(np.array([tile.bounds for tile in walls.tiles]))
-    panes = []
+    windows = []
     for stack in stacks.values():
         first = walls.tiles[stack[0]]
         wall = walls.walls[first.wall]
@@ -163,5 +163,5 @@ def windows_of(
             tiles, np.asarray(share), column, list(materials), film, 2 * THINNEST
         ):
             box = shapely.box(left, low + foot, right, high + foot)
-            panes.append((name, first, shapely.intersection(box, whole)))
-    return panes
+            windows.append(walls.window(name, first, shapely.intersection(box, whole)))
+    return windows

@@ -19,6 +19,7 @@ from drcmitsuba.model.materials import Lambertian
 from drcmitsuba.model.model import Layer, Model, areas
 from drcmitsuba.model.plane import Plane
 from drcmitsuba.model.space import Space
+from drcmitsuba.model.windows import GRID, SAME_PLANE, shape_in
 from drcmitsuba.runtime import lazy
 from drcmitsuba.scene.geometry import normals, turn
 from drcmitsuba.scene.panes_of_model import side_name
@@ -29,12 +30,8 @@ spatial = lazy.module("scipy.spatial")
 
 UPRIGHT = 0.02
 """Largest vertical part of an upright wall's normal [–]."""
-SAME_PLANE = 1e-3
-"""Distance [m], and difference of normals [–], within which surfaces lie in one plane."""
 INSIDE = 0.05
 """Distance from a wall at which its space is looked for [m]."""
-GRID = 1e-6
-"""Grid to which corners of cut shapes are rounded [m]."""
 LEAST = 0.01
 """Area of the smallest wall [m²]."""
 
@@ -71,13 +68,6 @@ class SpaceWall:
     """All surfaces of the wall, holes filled, in the plane [m]."""
     openings: float
     """Area of panes and holes in it [m²]."""
-
-
-def shape_in(plane: Plane, quads: np.ndarray) -> Any:
-    """Union of quads (quad, 4, 3) in a plane, as shapely's geometry [m]."""
-    flat = quads - plane.corner
-    corners = np.stack([flat @ plane.u, flat @ plane.v], axis=-1)
-    return shapely.union_all(shapely.polygons(corners), grid_size=GRID)
 
 
 def upright_plane(corner: np.ndarray, outward: np.ndarray) -> Plane:

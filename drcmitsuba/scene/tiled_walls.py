@@ -11,7 +11,7 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
-from typing import Any, NamedTuple
+from typing import Any
 
 import mitsuba as mi
 import numpy as np
@@ -19,14 +19,11 @@ import shapely
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.design import Design
-from drcmitsuba.model.materials import Lambertian, SurfaceMaterial
-from drcmitsuba.model.model import Layer, Model
-from drcmitsuba.model.plane import Rings
-from drcmitsuba.model.polygon import quads_of
+from drcmitsuba.model.windows import GRID, NewWindow, material_in, quads_in, with_windows
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import choose, shortened
 from drcmitsuba.scene.facade_rectangles import between
-from drcmitsuba.scene.geometry import normals
+from drcmitsuba.scene.geometry import reversed_quads
 from drcmitsuba.scene.panes_of_model import (
     AWAY,
     OFFSET,
@@ -36,7 +33,7 @@ from drcmitsuba.scene.panes_of_model import (
     panes_of_model,
 )
 from drcmitsuba.scene.prepared_case import prepared
-from drcmitsuba.scene.space_walls import GRID, SAME_PLANE, SpaceWall, shape_in, walls_of
+from drcmitsuba.scene.space_walls import SpaceWall, walls_of
 
 NARROW = 0.04
 """Width below which a part of a tile stays wall [m]."""
@@ -61,19 +58,6 @@ class WallTile:
     """Index of the layer that it is cut out of."""
     shape: Any
     """Piece in the wall's plane, as shapely's geometry [m]."""
-
-
-class Pane(NamedTuple):
-    """Pane that is cut out of a wall."""
-
-    name: str
-    """Name of its material; panes of one name become one layer."""
-    material: SurfaceMaterial
-    wall: SpaceWall
-    layer: int
-    """Index of the layer that it is cut out of."""
-    shape: Any
-    """In the wall's plane, as shapely's geometry [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +88,7 @@ class TiledWalls:
             got, remedy = f"no wall from {low:g} to {high:g} m", "give heights above the floor [m]"
             raise InputError(case.source, "design.band", got, remedy)
         panes = panes_of_model(_cut(case, walls, tiles).building)
-        kept = _outdoors(case, walls, tiles, panes.layer[panes.outside].tolist())
+        kept = _outdoors(case, tiles, panes.layer[panes.outside].tolist())
         _refuse_two_faces(case, walls, tiles, kept)
         if not kept:
             got = f"no outdoors behind {_named(case, walls)}"
@@ -131,71 +115,20 @@ class TiledWalls:
         """Index of the layer of every tile in the case with its tiles."""
         return tuple(range(len(self.drawn.building.layers), len(self.case.building.layers)))
 
-    def with_windows(self, panes: Sequence[tuple[str, WallTile, Any]]) -> Case:
-        """Case as it was with panes of its materials, each a shape within a tile [m]."""
-        cuts = [
-            Pane(name, self.drawn.materials[name], self.walls[tile.wall], tile.layer, shape)
-            for name, tile, shape in panes
-        ]
-        return self.drawn.with_building(with_panes(self.drawn.building, cuts))
+    def window(self, name: str, tile: WallTile, shape: Any) -> NewWindow:
+        """Window of a material in the wall of a tile, from its shape there [m]."""
+        return _window(name, self.walls[tile.wall], shape)
+
+    def with_windows(self, windows: Sequence[NewWindow]) -> Case:
+        """Case as it was with windows of its materials."""
+        model = with_windows(self.drawn.building, windows, self.drawn.materials)
+        return self.drawn.with_building(model)
 
 
-def with_panes(model: Model, panes: Sequence[Pane]) -> Model:
-    """Model with panes cut out of its walls, in layers behind those that it has.
-
-    Panes of one name are one layer, in the order of their names. Fronts face the spaces.
-    """
-    layers = list(model.layers)
-    of_sheet: dict[tuple[int, int], list[Pane]] = defaultdict(list)
-    for pane in panes:
-        of_sheet[id(pane.wall.plane), pane.layer].append(pane)
-    for (_, i), mine in of_sheet.items():
-        layers[i] = _without(layers[i], mine)
-    named: dict[str, list[Pane]] = defaultdict(list)
-    for pane in panes:
-        named[pane.name].append(pane)
-    for name, mine in named.items():
-        polygons = [rings for pane in mine for rings in pane.wall.plane.rings(pane.shape, GRID)]
-        first = mine[0]
-        places = tuple(f"window {k} in {layers[first.layer].name}" for k in range(len(polygons)))
-        empty = Layer(name, first.material, "pane", np.zeros((0, 4, 3)), np.zeros(0, int), ())
-        layers.append(_joined(empty, [tuple(r[::-1] for r in rings) for rings in polygons], places))
-    return replace(model, layers=tuple(layers))
-
-
-def _without(layer: Layer, panes: Sequence[Pane]) -> Layer:
-    """Layer without panes in one plane: the quads that they touch become the wall around them."""
-    plane, shape = panes[0].wall.plane, shapely.union_all([pane.shape for pane in panes])
-    n = np.nan_to_num(normals(layer.quads))
-    flat = layer.quads - plane.corner
-    near = np.abs(n @ plane.normal) > 0.999
-    near &= (np.abs(flat @ plane.normal) < 2 * SAME_PLANE).all(axis=1)
-    corners = np.stack([flat[near] @ plane.u, flat[near] @ plane.v], axis=-1)
-    touched = np.flatnonzero(near)[
-        shapely.area(shapely.intersection(shapely.polygons(corners), shape)) > GRID
-    ]
-    rest = shapely.difference(shape_in(plane, layer.quads[touched]), shape, grid_size=GRID)
-    polygons = plane.rings(rest, GRID)
-    if n[touched[0]] @ plane.normal < 0:
-        polygons = [tuple(ring[::-1] for ring in rings) for rings in polygons]
-    kept = np.delete(np.arange(len(layer.quads)), touched)
-    place = layer.place(int(touched[0]))
-    left = replace(layer, quads=layer.quads[kept], polygon=layer.polygon[kept])
-    return _joined(left, polygons, (place,) * len(polygons))
-
-
-def _joined(layer: Layer, polygons: Sequence[Rings], places: Sequence[str]) -> Layer:
-    """Layer with further polygons."""
-    first = max(len(layer.places), int(layer.polygon.max(initial=-1)) + 1)
-    known = (*layer.places, *layer.places[-1:] * (first - len(layer.places)))
-    quads = [quads_of(rings[0], rings[1:]) for rings in polygons]
-    numbers = np.repeat(first + np.arange(len(quads)), [len(of) for of in quads])
-    return replace(
-        layer,
-        quads=np.concatenate([layer.quads, *quads]),
-        polygon=np.concatenate([layer.polygon, numbers]),
-        places=(*known, *places),
-    )
+def _window(name: str, wall: SpaceWall, shape: Any) -> NewWindow:
+    """Window whose front faces the space of its wall."""
+    quads = reversed_quads(quads_in(wall.plane, shape))
+    return NewWindow(name, quads, f"window of {wall.space} ({wall.facing})")
 
 
 def _meant(case: Case, design: Design) -> list[SpaceWall]:
@@ -270,35 +203,18 @@ def _wide(shape: Any) -> Any:
 
 def _cut(case: Case, walls: Sequence[SpaceWall], tiles: Sequence[WallTile]) -> Case:
     """Case whose walls are cut into tiles of their own material, fronts towards the spaces."""
-    cuts = []
+    windows, materials = [], {}
     for tile in tiles:
-        wall, layer = walls[tile.wall], case.building.layers[tile.layer]
-        assert isinstance(layer.material, Lambertian)
-        material = _turned(layer, wall) if layer.material.behind is not None else layer.material
-        cuts.append(Pane(tile.name, replace(material, polish=0.0), wall, tile.layer, tile.shape))
-    return case.with_building(with_panes(case.building, cuts))
+        window = _window(tile.name, walls[tile.wall], tile.shape)
+        materials[tile.name] = material_in(case.building.layers[tile.layer], window.plane)
+        windows.append(window)
+    return case.with_building(with_windows(case.building, windows, materials))
 
 
-def _turned(layer: Layer, wall: SpaceWall) -> Lambertian:
-    """Material of a wall of two reflectances whose front faces the space."""
-    assert isinstance(layer.material, Lambertian)
-    flat = (layer.quads - wall.plane.corner) @ wall.plane.normal
-    mine = layer.quads[(np.abs(flat) < 2 * SAME_PLANE).all(axis=1)]
-    faces_out = float(np.nan_to_num(normals(mine) @ wall.plane.normal).sum()) > 0
-    front, back = layer.material.sides
-    return Lambertian(back, front) if faces_out else layer.material
-
-
-def _outdoors(
-    case: Case, walls: Sequence[SpaceWall], tiles: Sequence[WallTile], outside: Sequence[int]
-) -> list[WallTile]:
-    """Tiles that look at the outdoors alone; `outside` has the layer of each polygon that does."""
+def _outdoors(case: Case, tiles: Sequence[WallTile], outside: Sequence[int]) -> list[WallTile]:
+    """Tiles that look at the outdoors; `outside` has the layer of each that does."""
     first = len(case.building.layers)
-    parts = [
-        len(walls[tile.wall].plane.rings(tile.shape, GRID)) == outside.count(first + k)
-        for k, tile in enumerate(tiles)
-    ]
-    return [tile for tile, is_outside in zip(tiles, parts, strict=True) if is_outside]
+    return [tile for k, tile in enumerate(tiles) if first + k in outside]
 
 
 def _refuse_curved(case: Case, walls: Sequence[SpaceWall]) -> None:
