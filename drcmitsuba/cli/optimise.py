@@ -69,11 +69,10 @@ def _facade(case: Case, output: Path, stage: Stage) -> None:
         with stage("Pareto front") as done:
             front = pareto(optimum, limits, layout.search, done)
         front.save(output / "pareto.csv")
-    hard, year = optimum.best.hard, problem.year
+    hard = optimum.best.hard
     title = f"{case.name}: ASE {hard.ase:.1f} %, {NAMES[problem.goal.aim]} {hard.aim:.1f} %"
     with stage("writing"):
-        drawn = pictures.facade(year.tiles, optimum.best.share, year.materials, layout.film, title)
-        plots.save(drawn, output / "facade.png")
+        plots.save(layout.picture(optimum, title), output / "facade.png")
         plots.save(pictures.search(optimum), output / "search.png")
         if front is not None:
             plots.save(pictures.front(front, chosen=hard), output / "pareto.png")

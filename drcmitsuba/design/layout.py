@@ -8,6 +8,7 @@ from typing import cast
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from drcmitsuba.annual.chosen_facade import light_of_channels
 from drcmitsuba.annual.result import Result, evaluate
@@ -16,6 +17,7 @@ from drcmitsuba.case.design import Design
 from drcmitsuba.case.facade import Facade
 from drcmitsuba.case.groups import Group
 from drcmitsuba.case.sun import Adaptive, TrueSun
+from drcmitsuba.design import pictures
 from drcmitsuba.design.facade_maps import Panes, Strips, Window
 from drcmitsuba.design.facade_tiles import TiledLight, groups_of
 from drcmitsuba.design.facade_year import FacadeYear
@@ -168,6 +170,11 @@ class Layout:
     def tables(self, optimum: FacadeOptimum) -> dict[str, pd.DataFrame]:
         """Tables of an optimum by the names of their files; `optimum.json` has all of a box."""
         return {}
+
+    def picture(self, optimum: FacadeOptimum, title: str) -> Figure:
+        """Picture of an optimum."""
+        year, share = optimum.problem.year, optimum.best.share
+        return pictures.facade(year.tiles, share, year.materials, self.film, title)
 
     def built(self, optimum: FacadeOptimum) -> Case:
         """Case of an optimum, with its transmittances where these were free."""

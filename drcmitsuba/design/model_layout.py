@@ -6,7 +6,7 @@ tiles (`scene.tiled_walls`), each of which wall, clear glass and film share, as 
 
     case ─ TiledWalls ─► drawn, clear, film: three variants of one model
          ─ SharedFacades ─► openings and fills ─► light by element ─► FacadeYear ─► FacadeProblem
-    optimum ─ windows_of ─► the model with these windows, a case of its own
+    optimum ─ panes_of ─► the model with these windows, a case of its own
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from fnmatch import fnmatchcase
 import numpy as np
 import pandas as pd
 import xarray as xr
+from matplotlib.figure import Figure
 
 from drcmitsuba.annual.chosen_facade import light_of_channels
 from drcmitsuba.annual.result import Result, evaluate
@@ -27,6 +28,7 @@ from drcmitsuba.annual.variants import SharedElements, joined_effects
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.design import Design
 from drcmitsuba.case.sun import Adaptive, TrueSun
+from drcmitsuba.design import pictures
 from drcmitsuba.design.facade_groups import FacadeGroups
 from drcmitsuba.design.facade_maps import Panes, Strips
 from drcmitsuba.design.facade_tiles import (
@@ -43,16 +45,17 @@ from drcmitsuba.design.model_windows import (
     WindowArea,
     bounds_of,
     clear_of,
+    panes_of,
     tiled_walls,
-    windows_of,
     with_fill,
 )
 from drcmitsuba.design.optimise import FacadeOptimum, Search
 from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.design.problem import FacadeProblem, Goal
+from drcmitsuba.design.wall_picture import wall_picture
 from drcmitsuba.metrics.evaluate_metrics import rules
 from drcmitsuba.model.model import areas
-from drcmitsuba.model.windows import COLUMNS, NewWindow, rows_of
+from drcmitsuba.model.windows import COLUMNS, rows_of
 from drcmitsuba.plan import notes, plan
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
@@ -61,7 +64,7 @@ from drcmitsuba.runtime.toml import choose, shortened
 from drcmitsuba.scene.like_panes import LikePanes, like_panes
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.shared_facades import SharedFacades
-from drcmitsuba.scene.tiled_walls import TiledWalls
+from drcmitsuba.scene.tiled_walls import TiledWalls, WallPane
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.daylight import daylight as daylight_of
 
@@ -213,20 +216,28 @@ class ModelLayout:
     def built(self, optimum: FacadeOptimum) -> Case:
         """Case of an optimum whose new windows are drawn into the walls."""
         assert self.walls is not None
-        return self.walls.with_windows(self.windows(optimum))
-
-    def windows(self, optimum: FacadeOptimum) -> list[NewWindow]:
-        """New windows of an optimum."""
-        assert self.walls is not None
-        share, materials = optimum.best.share, optimum.problem.year.materials
-        return windows_of(self.walls, share, materials, self.film)
+        return self.walls.with_windows(self.walls.windows(self._panes(optimum)))
 
     def tables(self, optimum: FacadeOptimum) -> dict[str, pd.DataFrame]:
         """Tables of an optimum by the names of their files: its new windows, for `[model]`."""
         if self.walls is None:
             return {}
-        rows = rows_of(self.windows(optimum))
+        rows = rows_of(self.walls.windows(self._panes(optimum)))
         return {WINDOWS: pd.DataFrame(rows, columns=COLUMNS)}
+
+    def picture(self, optimum: FacadeOptimum, title: str) -> Figure:
+        """Picture of an optimum: its windows in their walls, or the share of the film by panes."""
+        year, share = optimum.problem.year, optimum.best.share
+        if self.walls is not None:
+            panes = self._panes(optimum)
+            return wall_picture(self.walls, panes, (self.clear, self.film), title)
+        return pictures.facade(year.tiles, share, year.materials, self.film, title)
+
+    def _panes(self, optimum: FacadeOptimum) -> list[WallPane]:
+        """Panes of an optimum in its walls."""
+        assert self.walls is not None
+        share, materials = optimum.best.share, optimum.problem.year.materials
+        return panes_of(self.walls, share, materials, self.film)
 
     def _light(self, case: Case, light: Daylight, stage: Stage) -> SharedElements:
         """Light of all openings with all of their fills."""

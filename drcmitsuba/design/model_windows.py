@@ -17,16 +17,13 @@ from drcmitsuba.design.layout import ROWS
 from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.design.realise import pieces_of
 from drcmitsuba.model.materials import GlazingMaterial
-from drcmitsuba.model.windows import NewWindow
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import choose, named_of_kind, shortened
 from drcmitsuba.scene.pane_groups import group_of
-from drcmitsuba.scene.tiled_walls import TiledWalls
+from drcmitsuba.scene.tiled_walls import TiledWalls, WallPane
 
 CLEAR = "as drawn"
 """Name of what the model draws in its panes."""
-BETWEEN = 0.5
-"""Gap between walls side by side in a picture [m]."""
 
 
 def clear_of(case: Case, design: Design) -> str:
@@ -80,8 +77,7 @@ def with_fill(case: Case, material: str, panes: Mapping[str, str]) -> Case:
 
 def bounds_of(walls: TiledWalls, names: tuple[str, ...]) -> Tiles:
     """Tiles of all walls side by side."""
-    widths = [wall.outline.bounds[2] - wall.outline.bounds[0] + BETWEEN for wall in walls.walls]
-    start = np.cumsum([0.0, *widths])[[tile.wall for tile in walls.tiles]]
+    start = walls.places[[tile.wall for tile in walls.tiles]]
     bounds = np.array([tile.bounds for tile in walls.tiles])
     bounds[:, :2] += start[:, None]
     size = (bounds[:, 1] - bounds[:, 0]) * (bounds[:, 3] - bounds[:, 2])
@@ -139,10 +135,10 @@ class WindowArea:
         return Parameter("window", 0.0, 1.0, min(start, 1.0), count)
 
 
-def windows_of(
+def panes_of(
     walls: TiledWalls, share: np.ndarray, materials: Sequence[str], film: str
-) -> list[NewWindow]:
-    """Windows of a composition (tile, material).
+) -> list[WallPane]:
+    """Panes of a composition (tile, material) in their walls.
 
     Materials of a tile share its height, as in `realise`. What an edge of the wall cuts off is
     missing in each of them.
@@ -151,7 +147,7 @@ def windows_of(
     for k, tile in enumerate(walls.tiles):
         stacks[tile.wall, tile.layer, tile.column].append(k)
     tiles = Tiles(np.array([tile.bounds for tile in walls.tiles]))
-    windows = []
+    panes = []
     for stack in stacks.values():
         first = walls.tiles[stack[0]]
         wall = walls.walls[first.wall]
@@ -163,5 +159,5 @@ def windows_of(
             tiles, np.asarray(share), column, list(materials), film, 2 * THINNEST
         ):
             box = shapely.box(left, low + foot, right, high + foot)
-            windows.append(walls.window(name, first, shapely.intersection(box, whole)))
-    return windows
+            panes.append(WallPane(name, first.wall, shapely.intersection(box, whole)))
+    return panes

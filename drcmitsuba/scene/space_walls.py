@@ -66,8 +66,8 @@ class SpaceWall:
     """Parts of opaque layers that nothing else in the plane covers, in the plane [m], by layer."""
     outline: Any
     """All surfaces of the wall, holes filled, in the plane [m]."""
-    openings: float
-    """Area of panes and holes in it [m²]."""
+    openings: Any
+    """Panes and holes in it, in the plane [m]."""
 
 
 def upright_plane(corner: np.ndarray, outward: np.ndarray) -> Plane:
@@ -153,8 +153,8 @@ def _walls_in(model: Model, sheet: Sheet, floors: _Floors) -> Iterator[SpaceWall
                 [s for i, s in of_space.items() if model.layers[i].role == "surface"]
             )
             outline = _filled(shapely.union_all([*of_space.values()], grid_size=GRID))
-            openings = outline.area - opaque.area
-            outline = _turned(outline, sign)
+            openings = shapely.difference(outline, opaque, grid_size=GRID)
+            outline, openings = _turned(outline, sign), _turned(openings, sign)
             yield SpaceWall(name, floor, plane, facing, free, outline, openings)
 
 

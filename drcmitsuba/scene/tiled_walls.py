@@ -11,7 +11,7 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
-from typing import Any
+from typing import Any, NamedTuple
 
 import mitsuba as mi
 import numpy as np
@@ -35,6 +35,8 @@ from drcmitsuba.scene.panes_of_model import (
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.space_walls import SpaceWall, walls_of
 
+BETWEEN = 0.5
+"""Gap between walls side by side in a picture [m]."""
 NARROW = 0.04
 """Width below which a part of a tile stays wall [m]."""
 CURVED = 3
@@ -58,6 +60,17 @@ class WallTile:
     """Index of the layer that it is cut out of."""
     shape: Any
     """Piece in the wall's plane, as shapely's geometry [m]."""
+
+
+class WallPane(NamedTuple):
+    """Pane that stands in a wall."""
+
+    name: str
+    """Name of its material."""
+    wall: int
+    """Index of the wall."""
+    shape: Any
+    """In the wall's plane, as shapely's geometry [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,16 +121,22 @@ class TiledWalls:
     @property
     def openings(self) -> float:
         """Area of panes and holes that were drawn in the walls [m²]."""
-        return float(sum(wall.openings for wall in self.walls))
+        return float(sum(wall.openings.area for wall in self.walls))
+
+    @property
+    def places(self) -> np.ndarray:
+        """Left end of every wall where they stand side by side, shape (wall,) [m]."""
+        bounds = np.array([wall.outline.bounds for wall in self.walls])
+        return np.append(0.0, np.cumsum(bounds[:-1, 2] - bounds[:-1, 0] + BETWEEN))
 
     @property
     def layers(self) -> tuple[int, ...]:
         """Index of the layer of every tile in the case with its tiles."""
         return tuple(range(len(self.drawn.building.layers), len(self.case.building.layers)))
 
-    def window(self, name: str, tile: WallTile, shape: Any) -> NewWindow:
-        """Window of a material in the wall of a tile, from its shape there [m]."""
-        return _window(name, self.walls[tile.wall], shape)
+    def windows(self, panes: Sequence[WallPane]) -> list[NewWindow]:
+        """Panes in the coordinates of the model."""
+        return [_window(pane.name, self.walls[pane.wall], pane.shape) for pane in panes]
 
     def with_windows(self, windows: Sequence[NewWindow]) -> Case:
         """Case as it was with windows of its materials."""
