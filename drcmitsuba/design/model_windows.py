@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import shapely
@@ -24,6 +25,8 @@ from drcmitsuba.scene.tiled_walls import TiledWalls, WallPane
 
 CLEAR = "as drawn"
 """Name of what the model draws in its panes."""
+LEVELS = 65
+"""Number of heights at which areas are known that no upright edges bound."""
 
 
 def clear_of(case: Case, design: Design) -> str:
@@ -140,24 +143,33 @@ def panes_of(
 ) -> list[WallPane]:
     """Panes of a composition (tile, material) in their walls.
 
-    Materials of a tile share its height, as in `realise`. What an edge of the wall cuts off is
-    missing in each of them.
+    Materials share the area of a tile, one above the other in the order of `realise`.
     """
     stacks = defaultdict(list)
     for k, tile in enumerate(walls.tiles):
         stacks[tile.wall, tile.layer, tile.column].append(k)
-    tiles = Tiles(np.array([tile.bounds for tile in walls.tiles]))
     panes = []
     for stack in stacks.values():
-        first = walls.tiles[stack[0]]
-        wall = walls.walls[first.wall]
-        whole = shapely.union_all([walls.tiles[k].shape for k in stack])
+        shapes = [walls.tiles[k].shape for k in stack]
+        whole = shapely.union_all(shapes)
+        z, below = _areas_below(whole)
         left, _, right, _ = whole.bounds
-        foot = wall.floor - wall.plane.corner[2]
-        column = np.array(stack)
-        for low, high, name in pieces_of(
-            tiles, np.asarray(share), column, list(materials), film, 2 * THINNEST
-        ):
-            box = shapely.box(left, low + foot, right, high + foot)
-            panes.append(WallPane(name, first.wall, shapely.intersection(box, whole)))
+        ends = np.array([np.interp([s.bounds[1], s.bounds[3]], z, below) for s in shapes])
+        column = Tiles(np.column_stack([np.zeros_like(ends), ends]))
+        parts = np.asarray(share)[stack]
+        least = 2 * THINNEST * (right - left)
+        order = np.arange(len(stack))
+        for *area, name in pieces_of(column, parts, order, list(materials), film, least):
+            low, high = np.interp(area, below, z)
+            shape = shapely.intersection(shapely.box(left, low, right, high), whole)
+            panes.append(WallPane(name, walls.tiles[stack[0]].wall, shape))
     return panes
+
+
+def _areas_below(shape: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Heights [m], and the area of a shape below each of them [m²]."""
+    left, low, right, high = shape.bounds
+    corners = shapely.get_coordinates(shape)[:, 1]
+    z = np.unique(np.append(corners, np.linspace(low, high, LEVELS)))
+    boxes = shapely.box(left, low, right, z[1:])
+    return z, np.append(0.0, shapely.area(shapely.intersection(boxes, shape)))
