@@ -100,8 +100,7 @@ class TiledWalls:
             low, high = design.band or (0, 0)
             got, remedy = f"no wall from {low:g} to {high:g} m", "give heights above the floor [m]"
             raise InputError(case.source, "design.band", got, remedy)
-        panes = panes_of_model(_cut(case, walls, tiles).building)
-        kept = _outdoors(case, tiles, panes.layer[panes.outside].tolist())
+        kept = _outdoors(_cut(case, walls, tiles), walls, tiles)
         _refuse_two_faces(case, walls, tiles, kept)
         if not kept:
             got = f"no outdoors behind {_named(case, walls)}"
@@ -230,10 +229,15 @@ def _cut(case: Case, walls: Sequence[SpaceWall], tiles: Sequence[WallTile]) -> C
     return case.with_building(with_windows(case.building, windows, materials))
 
 
-def _outdoors(case: Case, tiles: Sequence[WallTile], outside: Sequence[int]) -> list[WallTile]:
-    """Tiles that look at the outdoors; `outside` has the layer of each that does."""
-    first = len(case.building.layers)
-    return [tile for k, tile in enumerate(tiles) if first + k in outside]
+def _outdoors(cut: Case, walls: Sequence[SpaceWall], tiles: Sequence[WallTile]) -> list[WallTile]:
+    """Tiles with the outdoors on their outer side alone, from the case with all of them."""
+    panes, first = panes_of_model(cut.building), len(cut.building.layers) - len(tiles)
+    kept = []
+    for k, tile in enumerate(tiles):
+        (mine,) = np.flatnonzero(panes.layer == first + k)
+        if panes.outside[mine] and panes.front[mine] @ walls[tile.wall].plane.normal < 0:
+            kept.append(tile)
+    return kept
 
 
 def _refuse_curved(case: Case, walls: Sequence[SpaceWall]) -> None:
