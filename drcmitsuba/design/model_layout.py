@@ -93,6 +93,8 @@ class ModelLayout:
     """Openings and fills of the variants."""
     walls: TiledWalls | None = None
     """Walls that are cut into tiles; None where panes are searched."""
+    allowed: WindowArea | None = None
+    """Area of the windows in them."""
 
     @classmethod
     def of(cls, case: Case) -> ModelLayout:
@@ -143,7 +145,8 @@ class ModelLayout:
         facades = SharedFacades.of([walls.case, glazed, covered])
         searched = tuple(at[i] for i in walls.layers)
         variants = (walls.case, glazed, covered)
-        return cls(variants, design, film, clear, every, searched, facades, walls)
+        allowed = WindowArea.of(case.source, design, walls)
+        return cls(variants, design, film, clear, every, searched, facades, walls, allowed)
 
     @property
     def case(self) -> Case:
@@ -157,18 +160,21 @@ class ModelLayout:
 
     def year(self, stage: Stage = silent) -> FacadeYear:
         """Openings under the daylight of the case's period; errors are those of `FacadeYear.of`."""
+        return FacadeYear.of(*self.light(stage))
+
+    def light(self, stage: Stage = silent) -> tuple[TiledLight, Daylight]:
+        """Light by tile and fill, and the daylight of the case's period."""
         with stage("sky"):
-            light = daylight_of(self.case)
-        shared = self._light(self.case, light, stage)
-        return FacadeYear.of(self._tiled(shared, light.sky["time"]), light)
+            daylight = daylight_of(self.case)
+        shared = self._light(self.case, daylight, stage)
+        return self._tiled(shared, daylight.sky["time"]), daylight
 
     def problem(self, year: FacadeYear) -> FacadeProblem:
-        """Optimisation problem of a year; InputError where no window is allowed."""
+        """Optimisation problem of a year."""
         window, area = Parameter.fixed("window", 1.0), None
         panes = Panes(year.tiles, year.materials, self.clear, self.film)
-        if self.walls is not None:
-            allowed = WindowArea.of(self.case.source, self.design, self.walls, year.tiles)
-            window, area = allowed.parameter(panes.count), allowed.limits
+        if self.allowed is not None:
+            window, area = self.allowed.parameter(panes.count), self.allowed.limits
         goal = Goal(
             rules=rules(self.case, year.step_hours),
             film=self.film,

@@ -99,7 +99,7 @@ class WindowArea:
     """Area of all tiles [m²]."""
 
     @classmethod
-    def of(cls, source: str, design: Design, walls: TiledWalls, tiles: Tiles) -> WindowArea:
+    def of(cls, source: str, design: Design, walls: TiledWalls) -> WindowArea:
         """Subtract the panes that were drawn from the area of windows that `[design]` allows.
 
         Raises
@@ -109,7 +109,7 @@ class WindowArea:
         """
         assert design.wwr != "fixed"
         low, high = (share * walls.area - walls.openings for share in design.wwr)
-        room = float(tiles.area.sum())
+        room = float(sum(tile.shape.area for tile in walls.tiles))
         if low > room * (1 + 1e-6):
             most = (room + walls.openings) / walls.area
             got = f"a window-to-wall ratio of {design.wwr[0]:.3g}, the tiles have {most:.3g}"

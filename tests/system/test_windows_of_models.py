@@ -1,0 +1,223 @@
+"""New windows in the walls of a model, against the same search in a room of boxes.
+
+The room of boxes and the Honeybee model are one room, whose southern wall is cut into four tiles.
+Their light by tile and fill has to agree, and so has what a search finds; windows that are really
+drawn into the model are a third route, and differences the second one to gradients.
+"""
+
+import json
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import pandas as pd
+import pytest
+from drcmitsuba_plugins.patches import Patches
+
+import drcmitsuba
+from drcmitsuba.design.layout import Layout
+from drcmitsuba.design.model_layout import ModelLayout
+from drcmitsuba.design.optimise import optimise
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene.tiled_walls import WallPane
+from tests.unit.model import box_room as box
+
+CASE = """
+[period]
+months = [3]
+days_per_week = 1
+[materials.glass]
+type = "glazing"
+transmittance = 0.65
+reflectance = 0.1
+[materials.opal]
+type = "diffuser"
+transmittance = 0.5
+reflectance = 0.3
+[materials.shade]
+type = "diffuser"
+transmittance = 0.1
+[shading]
+material = "shade"
+[sensors]
+corner = [0.0, 0.0, 0.8]
+count = [4, 6]
+spacing = 1.0
+[metrics]
+sda_threshold = 500.0
+[accuracy]
+replicates = {replicates}
+paths = {paths}
+[design]
+film = "opal"
+clear = "glass"
+parameters = "strips"
+side = "south"
+rows = 2
+segments = 2
+band = [0.8, 2.8]
+wwr = [0.2, 0.4]
+ase_limit = 40.0
+starts = 1
+sharpness = [8.0]
+pareto = 0
+"""
+ROOM = "[room]\nsize = [4.0, 6.0, 3.0]\nfloor = 0.2\nwalls = 0.5\nceiling = 0.8\n"
+SENSOR = 100 / 24
+"""Share of one sensor [%]."""
+MODEL = '[model]\nfiles = ["room.hbjson"]\n'
+
+
+@pytest.fixture(autouse=True)
+def _backend():
+    backend.select()
+
+
+def case_of(folder, tables, more="", replicates=2, paths=32, window=False):
+    room = box.room("Room")
+    if not window:
+        room["faces"][1].pop("apertures")
+    box.written(folder, box.model(room), "room.hbjson")
+    text = CASE.format(replicates=replicates, paths=paths) + tables + more
+    (folder / "case.toml").write_text(text)
+    return drcmitsuba.load_case(folder / "case.toml")
+
+
+def light_under_a_sky(tiled, composition, closed):
+    """Replicates (replicate, sensor) of E [lx] under a sky of 4 kcd/m² and all suns."""
+    C = tiled.coefficients(composition, closed=closed)
+    labels = [*Patches(1).labels, *(b for b in C["bin"].values if b.startswith("sun_"))]
+    L = np.where(np.char.startswith(np.array(labels, str), "sun_"), 1e8, 4e3)
+    return (C["replicates"].sel(bin=labels).values * L).sum(-1)
+
+
+def test_light_by_element_is_that_of_the_room_of_boxes(tmp_path):
+    finer = {"replicates": 8, "paths": 16}
+    as_model = ModelLayout.of(case_of(tmp_path, MODEL, **finer))
+    ours, _ = as_model.light()
+    as_box = Layout.of(case_of(tmp_path, ROOM, **finer))
+    theirs, _ = as_box.light(as_box.heights)
+    assert ours.tiles.bounds == pytest.approx(theirs.tiles.bounds)
+    assert ours.materials == theirs.materials[:3]
+    for tile in range(4):
+        for column in (1, 2):
+            for closed in (False, True):
+                share = np.eye(4, dtype=np.float32)[[0] * 4]
+                share[tile] = np.eye(4)[column]
+                a = light_under_a_sky(ours, share[:, :3], closed)
+                b = light_under_a_sky(theirs, share, closed)
+                n = len(a)
+                z = (a.mean(0) - b.mean(0)) / np.sqrt((a.var(0) + b.var(0)) / (n - 1))
+                assert np.abs(z).max() < 7  # 384 of them, t of 7 degrees
+                a, b = a.mean(1), b.mean(1)
+                error = np.sqrt((a.var() + b.var()) / (n - 1))
+                assert abs(a.mean() - b.mean()) < 4.5 * error
+                assert error < 0.03 * b.mean()  # or the line above would say little
+
+
+def test_the_search_finds_what_it_finds_in_the_room_of_boxes(tmp_path):
+    problems, best = [], []
+    for kind, tables in ((ModelLayout, MODEL), (Layout, ROOM)):
+        layout = kind.of(case_of(tmp_path, tables, paths=128))
+        problem = layout.problem(layout.year())
+        problems.append(problem)
+        best.append(optimise(problem, layout.search, known=layout.known(problem)).best)
+    assert problems[0].goal.window_area == pytest.approx(problems[1].goal.window_area)
+    assert problems[0].size == problems[1].size
+    for problem in problems:  # either optimum is as good in the other's light
+        a, b = (problem.evaluate(candidate.x, 8.0) for candidate in best)
+        assert a.hard.value == pytest.approx(b.hard.value, abs=SENSOR + 0.1)
+        assert a.hard.ase == pytest.approx(b.hard.ase, abs=SENSOR + 0.1)
+        assert a.hard.window_area == pytest.approx(b.hard.window_area, rel=2e-3)
+        assert a.hard.value > problem.evaluate(problem.start, 8.0).hard.value
+
+
+def test_shares_are_windows_that_are_drawn(tmp_path):
+    """A window in one tile and a film in another, beside a window that is there."""
+    case = case_of(tmp_path, MODEL, replicates=6, paths=64, window=True)
+    layout = ModelLayout.of(case)
+    problem = layout.problem(layout.year())
+    share = np.eye(3, dtype=np.float32)[[0, 1, 2, 0]]
+    panes = [
+        WallPane(name, tile.wall, tile.shape)
+        for name, tile in zip(("glass", "opal"), layout.walls.tiles[1:3], strict=True)
+    ]
+    drawn = layout.walls.with_windows(layout.walls.windows(panes))
+    E = problem.year.illuminance(mi.TensorXf(share))
+    result = drcmitsuba.evaluate(drawn)
+    theirs = result.illuminance.transpose("time", "sensor")
+    for ours, name in ((E.open, "total_open"), (E.direct, "direct_sun")):
+        total, error = theirs[name].values, theirs[f"{name}_se"].values
+        off = abs(ours.numpy() - total) > 6 * (error + 0.01 * total + 1e-3)
+        assert off.mean() < 0.01, name
+        assert ours.numpy().mean() == pytest.approx(total.mean(), rel=0.01), name
+    low, high = (result.metrics["sDA"][end] for end in ("low", "high"))
+    assert low - SENSOR <= problem.hard(share).aim <= high + SENSOR
+
+
+def test_gradients_are_differences(tmp_path):
+    """Of the year's mean E, shade open and closed, by the shares of window and film, to 0.1 %."""
+    layout = ModelLayout.of(case_of(tmp_path, MODEL))
+    problem = layout.problem(layout.year())
+    x = np.random.default_rng(1).uniform(0.2, 0.8, problem.size)
+
+    def mean(at):
+        _, E = problem.illuminance(problem.values(at))
+        return dr.mean(E.open.array) + dr.mean(E.shaded.array)
+
+    free = mi.Float(x)
+    dr.enable_grad(free)
+    dr.backward(mean(free))
+    slopes, h = dr.grad(free).numpy(), 0.1
+    for i, e in enumerate(np.eye(problem.size)):
+        ends = [float(mean(mi.Float(x + s * h * e))[0]) for s in (1, -1)]
+        assert slopes[i] == pytest.approx((ends[0] - ends[1]) / (2 * h), rel=1e-3)
+
+
+def test_the_command_writes_windows_that_a_case_reads(run, tmp_path, monkeypatch):
+    case_of(tmp_path, MODEL)
+    monkeypatch.chdir(tmp_path)
+    code, out, err = run("optimise", "case.toml", "-o", "out")
+    assert (code, err) == (0, "")
+    assert 'windows.csv: to draw the new windows into the model, give windows = "' in out
+    optimum = json.loads((tmp_path / "out" / "optimum.json").read_text())
+    fresh = json.loads((tmp_path / "out" / "fresh_metrics.json").read_text())
+    table = pd.read_csv(tmp_path / "out" / "windows.csv")
+    assert set(table.material) <= {"glass", "opal"}
+    assert (tmp_path / "out" / "facade.png").stat().st_size > 5000
+    again = case_of(tmp_path, MODEL + 'windows = "out/windows.csv"\n').with_tables(design=None)
+    areas = box.area_of(again.building.layers)
+    area = sum(value for (_, role), value in areas.items() if role == "pane")
+    assert area == pytest.approx(optimum["window_m2"], rel=2e-3)
+    assert areas["generic_wall_0.50", "surface"] == pytest.approx(60 - area, rel=1e-4)
+    assert drcmitsuba.evaluate(again).metrics["sDA"] == fresh["sDA"]
+
+
+@pytest.mark.parametrize(
+    ("design", "message"),
+    [
+        ('side = "south-west"', "design.side: no outer wall faces south-west"),
+        ('walls = ["brick"]', 'design.walls: none is called "brick"'),
+        ('spaces = ["Hall"]', 'design.spaces: none is called "Hall"; choose from: "Room"'),
+        ('wwr = "fixed"', "design.wwr: fixed: the walls would get no window"),
+        ("wwr = [0.01, 0.1]", "at most 0.1, the panes as drawn take 0.167 of the walls"),
+        ("wwr = [0.9, 1.0]", "a window-to-wall ratio of 0.9, the tiles have"),
+        ('parameters = "window"', "design.parameters: the tiles of a model's walls are no one"),
+        ('panes = ["*"]', "design.panes: walls are searched, too"),
+        ('clear = "opal"', 'design.clear: "opal" is no such material'),
+        ("shade_vlt = [0.1, 0.2]", "design.shade_vlt: the panes of a model keep their glass"),
+    ],
+)
+def test_what_cannot_be_searched_is_refused_in_one_line(tmp_path, design, message):
+    key = design.split(" =")[0]
+    case_of(tmp_path, MODEL, window=True)
+    text = (tmp_path / "case.toml").read_text()
+    kept = [line for line in text.splitlines() if not line.startswith(key + " =")]
+    text = "\n".join(kept).replace("[design]", f"[design]\n{design}")
+    (tmp_path / "case.toml").write_text(text)
+    case = drcmitsuba.load_case(tmp_path / "case.toml")
+    with pytest.raises(InputError) as error:
+        ModelLayout.of(case)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
