@@ -37,7 +37,7 @@ LEAST = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Sheet:
+class PlaneSurfaces:
     """Surfaces of a model in one plane."""
 
     plane: Plane
@@ -77,7 +77,7 @@ def upright_plane(corner: np.ndarray, outward: np.ndarray) -> Plane:
     return Plane(outward * (corner @ outward), u, np.cross(outward, u), outward)
 
 
-def upright_sheets(model: Model) -> list[Sheet]:
+def upright_planes(model: Model) -> list[PlaneSurfaces]:
     """Upright surfaces and panes of a model, without its context, by plane."""
     members: list[tuple[int, np.ndarray]] = []
     for i, layer in enumerate(model.layers):
@@ -97,14 +97,14 @@ def upright_sheets(model: Model) -> list[Sheet]:
     pairs = spatial.cKDTree(rough).query_pairs(1.8, output_type="ndarray").T
     links = sparse.coo_matrix((np.ones(pairs.shape[1], bool), pairs), (len(rough), len(rough)))
     number = csgraph.connected_components(links, directed=False)[1][place.ravel()]
-    sheets = []
+    planes = []
     for k in range(number.max() + 1):
         mine = np.flatnonzero(number == k)
         largest = mine[np.argmax(size[mine])]
         plane = upright_plane(quads[largest, 0], n[largest])
         by_layer = {i: index[mine[of_layer[mine] == i]] for i in np.unique(of_layer[mine]).tolist()}
-        sheets.append(Sheet(plane, by_layer))
-    return sheets
+        planes.append(PlaneSurfaces(plane, by_layer))
+    return planes
 
 
 def is_wall(layer: Layer) -> bool:
@@ -121,22 +121,22 @@ def walls_of(case: Case) -> list[SpaceWall]:
     floors = _Floors(spaces)
     return [
         wall
-        for sheet in upright_sheets(case.building)
-        if any(is_wall(case.building.layers[i]) for i in sheet.quads)
-        for wall in _walls_in(case.building, sheet, floors)
+        for surfaces in upright_planes(case.building)
+        if any(is_wall(case.building.layers[i]) for i in surfaces.quads)
+        for wall in _walls_in(case.building, surfaces, floors)
     ]
 
 
-def _walls_in(model: Model, sheet: Sheet, floors: _Floors) -> Iterator[SpaceWall]:
+def _walls_in(model: Model, surfaces: PlaneSurfaces, floors: _Floors) -> Iterator[SpaceWall]:
     """Walls in a plane, with spaces on either side of it."""
-    shapes = {i: sheet.shape(model, i) for i in sheet.quads}
+    shapes = {i: surfaces.shape(model, i) for i in surfaces.quads}
     every = shapely.union_all([*shapes.values()], grid_size=GRID)
     low, _, high, _ = every.bounds
-    sides = [floors.behind(sheet.plane, sign, low, high) for sign in (-1, 1)]
+    sides = [floors.behind(surfaces.plane, sign, low, high) for sign in (-1, 1)]
     unions = [shapely.union_all([region for *_, region in side]) for side in sides]
     for sign, side, beyond in ((1, sides[0], unions[1]), (-1, sides[1], unions[0])):
-        outward = sign * sheet.plane.normal
-        plane = upright_plane(sheet.plane.corner, outward)
+        outward = sign * surfaces.plane.normal
+        plane = upright_plane(surfaces.plane.corner, outward)
         facing = side_name(-outward @ turn(-model.north).T, True)
         for name, floor, region in side:
             here = shapely.difference(region, beyond)

@@ -86,7 +86,7 @@ def test_panes_are_chosen_by_name(run, tmp_path, monkeypatch):
     [
         (DESIGN + 'panes = ["door"]\n', "design.panes: no clear pane is meant; name some of the"),
         (DESIGN + 'side = "west"\n', "no clear pane is meant"),
-        (DESIGN + "wwr = [0.2, 0.5]\n", "design.wwr: the panes of a model keep their size, place"),
+        (DESIGN + "shade_vlt = [0.2, 0.5]\n", "design.shade_vlt: the panes of a model keep their"),
         (DESIGN.replace("opal", "pane_1"), 'design.film: "pane_1" is no such material'),
     ],
 )

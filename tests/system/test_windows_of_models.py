@@ -15,6 +15,7 @@ import pytest
 from drcmitsuba_plugins.patches import Patches
 
 import drcmitsuba
+from drcmitsuba.design.facade_year import FacadeYear
 from drcmitsuba.design.layout import Layout
 from drcmitsuba.design.model_layout import ModelLayout
 from drcmitsuba.design.optimise import optimise
@@ -27,6 +28,7 @@ CASE = """
 [period]
 months = [3]
 days_per_week = 1
+hours = [10, 14]
 [materials.glass]
 type = "glazing"
 transmittance = 0.65
@@ -46,6 +48,7 @@ count = [4, 6]
 spacing = 1.0
 [metrics]
 sda_threshold = 500.0
+ase_hours = 4.0
 [accuracy]
 replicates = {replicates}
 paths = {paths}
@@ -64,6 +67,7 @@ sharpness = [8.0]
 pareto = 0
 """
 ROOM = "[room]\nsize = [4.0, 6.0, 3.0]\nfloor = 0.2\nwalls = 0.5\nceiling = 0.8\n"
+FINER = {"replicates": 8, "paths": 16}
 SENSOR = 100 / 24
 """Share of one sensor [%]."""
 MODEL = '[model]\nfiles = ["room.hbjson"]\n'
@@ -84,6 +88,14 @@ def case_of(folder, tables, more="", replicates=2, paths=32, window=False):
     return drcmitsuba.load_case(folder / "case.toml")
 
 
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory):
+    """Layout of the model without a window, its light and its daylight."""
+    backend.select()
+    layout = ModelLayout.of(case_of(tmp_path_factory.mktemp("model"), MODEL, **FINER))
+    return layout, *layout.light()
+
+
 def light_under_a_sky(tiled, composition, closed):
     """Replicates (replicate, sensor) of E [lx] under a sky of 4 kcd/m² and all suns."""
     C = tiled.coefficients(composition, closed=closed)
@@ -92,11 +104,9 @@ def light_under_a_sky(tiled, composition, closed):
     return (C["replicates"].sel(bin=labels).values * L).sum(-1)
 
 
-def test_light_by_element_is_that_of_the_room_of_boxes(tmp_path):
-    finer = {"replicates": 8, "paths": 16}
-    as_model = ModelLayout.of(case_of(tmp_path, MODEL, **finer))
-    ours, _ = as_model.light()
-    as_box = Layout.of(case_of(tmp_path, ROOM, **finer))
+def test_light_by_element_is_that_of_the_room_of_boxes(simulated, tmp_path):
+    _, ours, _ = simulated
+    as_box = Layout.of(case_of(tmp_path, ROOM, **FINER))
     theirs, _ = as_box.light(as_box.heights)
     assert ours.tiles.bounds == pytest.approx(theirs.tiles.bounds)
     assert ours.materials == theirs.materials[:3]
@@ -133,11 +143,20 @@ def test_the_search_finds_what_it_finds_in_the_room_of_boxes(tmp_path):
         assert a.hard.value > problem.evaluate(problem.start, 8.0).hard.value
 
 
-def test_shares_are_windows_that_are_drawn(tmp_path):
-    """A window in one tile and a film in another, beside a window that is there."""
-    case = case_of(tmp_path, MODEL, replicates=6, paths=64, window=True)
-    layout = ModelLayout.of(case)
-    problem = layout.problem(layout.year())
+def test_shares_are_windows_that_are_drawn(simulated):
+    layout, light, daylight = simulated
+    compare_with_windows(layout, FacadeYear.of(light, daylight))
+
+
+@pytest.mark.slow
+def test_shares_are_windows_beside_one_that_is_there(tmp_path):
+    layout = ModelLayout.of(case_of(tmp_path, MODEL, **FINER, window=True))
+    compare_with_windows(layout, layout.year())
+
+
+def compare_with_windows(layout, year):
+    """Compare a window in one tile and a film in another with an evaluation of the two."""
+    problem = layout.problem(year)
     share = np.eye(3, dtype=np.float32)[[0, 1, 2, 0]]
     panes = [
         WallPane(name, tile.wall, tile.shape)
@@ -156,10 +175,10 @@ def test_shares_are_windows_that_are_drawn(tmp_path):
     assert low - SENSOR <= problem.hard(share).aim <= high + SENSOR
 
 
-def test_gradients_are_differences(tmp_path):
+def test_gradients_are_differences(simulated):
     """Of the year's mean E, shade open and closed, by the shares of window and film, to 0.1 %."""
-    layout = ModelLayout.of(case_of(tmp_path, MODEL))
-    problem = layout.problem(layout.year())
+    layout, light, daylight = simulated
+    problem = layout.problem(FacadeYear.of(light, daylight))
     x = np.random.default_rng(1).uniform(0.2, 0.8, problem.size)
 
     def mean(at):
