@@ -70,6 +70,10 @@ ROOM = "[room]\nsize = [4.0, 6.0, 3.0]\nfloor = 0.2\nwalls = 0.5\nceiling = 0.8\
 FINER = {"replicates": 8, "paths": 16}
 SENSOR = 100 / 24
 """Share of one sensor [%]."""
+WEST = """window,material,x1,y1,z1,x2,y2,z2,x3,y3,z3,x4,y4,z4
+0,glass,0,1,1,0,3,1,0,3,2,0,1,2
+"""
+"""Window in the western wall."""
 MODEL = '[model]\nfiles = ["room.hbjson"]\n'
 
 
@@ -240,3 +244,16 @@ def test_what_cannot_be_searched_is_refused_in_one_line(tmp_path, design, messag
         ModelLayout.of(case)
     assert message in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_the_wall_around_a_window_is_a_fill_of_it(tmp_path):
+    """Without its western window the room has the light of the room that never had one."""
+    (tmp_path / "windows.csv").write_text(WEST)
+    both = case_of(tmp_path, MODEL + 'windows = "windows.csv"\n', window=True)
+    light = drcmitsuba.elements(both, fills={"west": ["wall"]})
+    ours = light.evaluate({"west": "wall"}).illuminance
+    theirs = drcmitsuba.evaluate(case_of(tmp_path, MODEL, window=True)).illuminance
+    assert ours.total_open.mean().item() == pytest.approx(theirs.total_open.mean().item(), rel=0.02)
+    assert ours.direct_sun.values == pytest.approx(theirs.direct_sun.values, abs=1.0)
+    with pytest.raises(InputError, match="no fill"):
+        drcmitsuba.elements(both, fills=["wal"])
