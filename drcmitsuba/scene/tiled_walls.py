@@ -40,7 +40,9 @@ BETWEEN = 0.5
 NARROW = 0.04
 """Width below which a part of a tile stays wall [m]."""
 CURVED = 3
-"""Number of planes by which the wall of a space that faces one direction counts as curved."""
+"""Number of directions by which a wall of a space that faces one side counts as curved."""
+SAME_DIRECTION = 0.5
+"""Angle within which planes have one direction [deg]."""
 THICKEST = 1.0
 """Largest distance between two faces of one wall [m]."""
 
@@ -246,10 +248,12 @@ def _refuse_curved(case: Case, walls: Sequence[SpaceWall]) -> None:
     for wall in walls:
         by_side[wall.space, wall.facing].append(wall)
     for (space, facing), mine in by_side.items():
-        directions = np.unique(np.round([wall.plane.normal for wall in mine], 2), axis=0)
-        if len(directions) >= CURVED:
+        x, y, _ = np.transpose([wall.plane.normal for wall in mine])
+        azimuths = np.sort(np.degrees(np.arctan2(x, y)) % 360)
+        directions = np.count_nonzero(np.diff(azimuths, append=azimuths[0] + 360) > SAME_DIRECTION)
+        if directions >= CURVED:
             got = f"{_named(case, mine)} of {shortened(space)} bends to {facing} in "
-            got += f"{len(directions)} directions"
+            got += f"{directions} directions"
             remedy = "name plane walls in side, spaces or walls"
             raise InputError(case.source, "design.walls", got, remedy)
 
