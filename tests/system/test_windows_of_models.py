@@ -15,12 +15,14 @@ import pytest
 from drcmitsuba_plugins.patches import Patches
 
 import drcmitsuba
+from drcmitsuba.annual import attributes
 from drcmitsuba.design.facade_year import FacadeYear
 from drcmitsuba.design.layout import Layout
 from drcmitsuba.design.model_layout import ModelLayout
 from drcmitsuba.design.optimise import optimise
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
 from drcmitsuba.scene.tiled_walls import WallPane
 from tests.unit.model import box_room as box
 
@@ -257,3 +259,12 @@ def test_the_wall_around_a_window_is_a_fill_of_it(tmp_path):
     assert ours.direct_sun.values == pytest.approx(theirs.direct_sun.values, abs=1.0)
     with pytest.raises(InputError, match="no fill"):
         drcmitsuba.elements(both, fills=["wal"])
+
+
+def test_a_table_of_windows_counts_in_the_origin_of_a_result(tmp_path):
+    marks = []
+    for text in (WEST, WEST, WEST.replace("glass", "opal")):
+        (tmp_path / "windows.csv").write_text(text)
+        case = case_of(tmp_path, MODEL + 'windows = "windows.csv"\n')
+        marks.append(attributes.fingerprint(case, ALL_EFFECTS))
+    assert marks[0] == marks[1] != marks[2]
