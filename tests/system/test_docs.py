@@ -87,8 +87,7 @@ def folder(tmp_path):
 def write_files(tmp_path):
     """Write the files that the pages take for granted to a folder, which is returned."""
     cases = ("office.toml", "film_office.toml", "corner_office.toml", "studio.toml", "desk.toml")
-    others = ("painted.toml", "my_prism.toml", "frames.csv", "study.toml")
-    for name in (*cases, *others, "studio.rad", "workshop.rad", "workshop.toml"):
+    for name in (*cases, "painted.toml", "my_prism.toml", "studio.rad", "frames.csv", "study.toml"):
         write(tmp_path, name, named(name))
     sun = '\n[sun]\nmodel = "adaptive"\nfinest = 4\ntolerance = 0.5\n'
     write(tmp_path, "adaptive.toml", named("office.toml") + sun)

@@ -1,5 +1,6 @@
 """Outer walls of models, cut into tiles: which walls, which pieces, and what is refused."""
 
+import re
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +17,7 @@ from drcmitsuba.scene.like_panes import like_panes
 from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.space_walls import walls_of
 from drcmitsuba.scene.tiled_walls import TiledWalls, WallPane
+from tests import ROOT
 from tests.model_rooms import case_of, house, l_room, layer, prism
 from tests.unit.model import box_room as box
 
@@ -70,6 +72,24 @@ def test_a_wall_is_cut_by_its_grid_and_its_panes_stay(tmp_path):
     assert panes.front[mine] == pytest.approx(np.tile([0.0, 1.0, 0.0], (10, 1)))
     opened = [tiled.case.building.layers[i] for i in tiled.layers]
     assert {x.material for x in opened} == {Lambertian(0.5)}
+
+
+def test_the_gable_of_the_page_is_cut_along_the_roof(tmp_path):
+    """Six tiles between 0.9 m and 3.9 m, of which the roof cuts the upper three."""
+    page = (ROOT / "docs" / "howto" / "sizing.md").read_text("utf-8")
+    for name in ("workshop.rad", "workshop.toml"):
+        (block,) = re.findall(rf"^```\w+ {name}\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+        (tmp_path / name).write_text(block)
+    case = drcmitsuba.load_case(tmp_path / "workshop.toml")
+    tiled = TiledWalls.of(case, case.design, case.design.rows, case.design.segments)
+    gable = 6 * 2.6 + 6 * 1.5 / 2
+    assert tiled.area == pytest.approx(gable)
+    above = 0.2 * 0.8 / 2
+    under_the_eaves = 2 * (0.2 + 1.2) / 2
+    areas_of_tiles = [tile.shape.area for tile in tiled.tiles]
+    assert areas_of_tiles[:3] == pytest.approx([2 * 1.5] * 3)
+    assert areas_of_tiles[3::2] == pytest.approx([under_the_eaves] * 2)
+    assert sum(areas_of_tiles) == pytest.approx(gable - 6 * 0.9 - above)
 
 
 def test_tiles_follow_the_band_and_the_height_of_rows(tmp_path):
