@@ -234,7 +234,7 @@ class Layout:
             return [np.array(x) for x in product(grid, repeat=problem.size)]
         bottom, top = problem.year.tiles.bounds[:, 2:].T
         at = ((bottom + top) / 2 - self.band[0]) / (self.band[1] - self.band[0])
-        return films_by_height(problem, at)
+        return problem.films_by_height(at)
 
     def _strips(self, panes: Panes, part: float) -> Map:
         """Map of single tiles; `part` of the band is window, all of it if 1."""
@@ -274,23 +274,6 @@ class Layout:
             start = min(max(now, limits[0]), limits[1])
             factors.append(Factor(str(column), Parameter(key, *limits, start), now))
         return tuple(factors)
-
-
-def films_by_height(problem: FacadeProblem, at: np.ndarray) -> list[np.ndarray]:
-    """Designs (free,) of single tiles: a film nowhere, everywhere, above, below, in the middle.
-
-    The tiles lie `at` heights (tile,) between the lowest edge, 0, and the highest, 1.
-    """
-    films = (at > 2, at >= 0, at > 0.5, at < 0.5, np.abs(at - 0.5) < 1 / 6)
-    return [
-        np.concatenate(
-            [
-                film.astype(float) if p.key == "film" else np.full(p.count, p.start_fraction)
-                for p in problem.free
-            ]
-        )
-        for film in films
-    ]
 
 
 def _with_panes(case: Case) -> dict[str, Group]:

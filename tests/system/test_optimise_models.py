@@ -39,7 +39,7 @@ def test_a_search_is_simulations_and_finds_what_a_sweep_finds(tmp_path, name):
     year = layout.year()
     problem = layout.problem(year)
     assert year.tiles.area.sum() == pytest.approx(4)
-    names = {layout.every[g].name for g in layout.searched}
+    names = {layout.openings.every[g].name for g in layout.openings.searched}
     films = case.with_tables(
         materials={**case.materials, **dict.fromkeys(names, case.materials["opal"])}
     )

@@ -166,9 +166,9 @@ def compare_with_windows(layout, year):
     share = np.eye(3, dtype=np.float32)[[0, 1, 2, 0]]
     panes = [
         WallPane(name, tile.wall, tile.shape)
-        for name, tile in zip(("glass", "opal"), layout.walls.tiles[1:3], strict=True)
+        for name, tile in zip(("glass", "opal"), layout.openings.walls.tiles[1:3], strict=True)
     ]
-    drawn = layout.walls.with_windows(layout.walls.windows(panes))
+    drawn = layout.openings.walls.with_windows(layout.openings.walls.windows(panes))
     E = problem.year.illuminance(mi.TensorXf(share))
     result = drcmitsuba.evaluate(drawn)
     theirs = result.illuminance.transpose("time", "sensor")
@@ -268,3 +268,28 @@ def test_a_table_of_windows_counts_in_the_origin_of_a_result(tmp_path):
         case = case_of(tmp_path, MODEL + 'windows = "windows.csv"\n')
         marks.append(attributes.fingerprint(case, ALL_EFFECTS))
     assert marks[0] == marks[1] != marks[2]
+
+
+@pytest.mark.slow
+def test_one_space_may_count_alone_by_its_worst_month(tmp_path):
+    """Two rooms, of which one counts and gets windows, against an evaluation of what is found."""
+    rooms = box.room("Office"), box.room("Studio", shift=6.0)
+    box.written(tmp_path, box.model(*rooms), "room.hbjson")
+    text = CASE.format(replicates=4, paths=64) + MODEL
+    grid = text[text.index("corner") : text.index("[metrics]")]
+    text = text.replace(grid, 'spaces = ["*"]\nspacing = 1.0\n')
+    text = text.replace("[design]", '[output]\nspaces = ["Office"]\n[design]\nspaces = ["Off*"]')
+    text = text.replace("months = [3]", "months = [3, 12]")
+    text = text.replace("wwr = [0.2, 0.4]", 'wwr = [0.3, 0.3]\nobjective = "worst month"')
+    (tmp_path / "case.toml").write_text(text)
+    layout = ModelLayout.of(drcmitsuba.load_case(tmp_path / "case.toml"))
+    problem = layout.problem(layout.year())
+    optimum = optimise(problem, layout.search, known=layout.known(problem))
+    assert {wall.space for wall in layout.openings.walls.walls} == {"Office"}
+    fresh = layout.afresh(optimum)
+    sensors = fresh.illuminance.sizes["sensor"]
+    months = [month for month in fresh.metrics["msDA"] if month]
+    least = min(months, key=lambda month: month["value"])
+    point = 100 / sensors
+    assert least["low"] - point <= optimum.best.hard.aim <= least["high"] + point
+    assert optimum.best.hard.window_area == pytest.approx(0.3 * 12 - 2, rel=2e-3)
