@@ -69,6 +69,7 @@ sharpness = [8.0]
 pareto = 0
 """
 ROOM = "[room]\nsize = [4.0, 6.0, 3.0]\nfloor = 0.2\nwalls = 0.5\nceiling = 0.8\n"
+FILLS = ("glass", "opal")
 FINER = {"replicates": 8, "paths": 16}
 SENSOR = 100 / 24
 """Share of one sensor [%]."""
@@ -166,7 +167,7 @@ def compare_with_windows(layout, year):
     share = np.eye(3, dtype=np.float32)[[0, 1, 2, 0]]
     panes = [
         WallPane(name, tile.wall, tile.shape)
-        for name, tile in zip(("glass", "opal"), layout.openings.walls.tiles[1:3], strict=True)
+        for name, tile in zip(FILLS, layout.openings.walls.tiles[1:3], strict=True)
     ]
     drawn = layout.openings.walls.with_windows(layout.openings.walls.windows(panes))
     E = problem.year.illuminance(mi.TensorXf(share))
@@ -293,3 +294,33 @@ def test_one_space_may_count_alone_by_its_worst_month(tmp_path):
     point = 100 / sensors
     assert least["low"] - point <= optimum.best.hard.aim <= least["high"] + point
     assert optimum.best.hard.window_area == pytest.approx(0.3 * 12 - 2, rel=2e-3)
+
+
+BLINDS = """[groups.blinds]
+panes = ["glass", "generic_exterior_window*"]
+states = ["shade"]
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("groups", ["", BLINDS])
+def test_shades_and_groups_close_new_windows(tmp_path, groups):
+    """A western window and film, beside the southern window, close as the drawn ones do."""
+    case_of(tmp_path, MODEL, groups, replicates=6, paths=32, window=True)
+    text = (tmp_path / "case.toml").read_text().replace('side = "south"', 'side = "west"')
+    if groups:
+        text = text.replace('[shading]\nmaterial = "shade"\n', "")
+    (tmp_path / "case.toml").write_text(text)
+    layout = ModelLayout.of(drcmitsuba.load_case(tmp_path / "case.toml"))
+    problem = layout.problem(layout.year())
+    walls = layout.openings.walls
+    assert len(problem.year.groups.rule.groups) == (1 if groups else 2)
+    share = mi.TensorXf(np.eye(3, dtype=np.float32)[[0, 1, 2, 0]])
+    panes = [WallPane(n, t.wall, t.shape) for n, t in zip(FILLS, walls.tiles[1:3], strict=True)]
+    ours = problem.measure.groups.applied(problem.year.illuminance(share))
+    result = drcmitsuba.evaluate(walls.with_windows(walls.windows(panes)))
+    theirs = result.illuminance[["total", "total_se"]].transpose("time", "sensor")
+    total, error = theirs.total.values, theirs.total_se.values
+    assert 0 < result.metrics["shade_closed"]["value"] < 100
+    assert (abs(ours - total) > 6 * (error + 0.01 * total)).mean() < 0.02
+    assert ours.mean() == pytest.approx(total.mean(), rel=0.01)
