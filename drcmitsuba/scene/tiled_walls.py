@@ -19,6 +19,7 @@ import shapely
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.design import Design
+from drcmitsuba.model.materials import Lambertian
 from drcmitsuba.model.windows import GRID, NewWindow, material_in, quads_in, with_windows
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import choose, shortened
@@ -37,6 +38,8 @@ from drcmitsuba.scene.space_walls import SpaceWall, walls_of
 
 BETWEEN = 0.5
 """Gap between walls side by side in a picture [m]."""
+MOST_TILES = 500
+"""Largest number of tiles, each of which is simulated with every fill."""
 NARROW = 0.04
 """Width below which a part of a tile stays wall [m]."""
 CURVED = 3
@@ -93,7 +96,8 @@ class TiledWalls:
         Raises
         ------
         InputError
-            No outer wall is meant, a wall is curved or has two faces, or the band misses all walls.
+            No outer wall is meant, a wall is curved or has two faces, the band misses all walls, or
+            there are more than `MOST_TILES` tiles.
         """
         walls = _meant(case, design)
         _refuse_curved(case, walls)
@@ -102,6 +106,9 @@ class TiledWalls:
             low, high = design.band or (0, 0)
             got, remedy = f"no wall from {low:g} to {high:g} m", "give heights above the floor [m]"
             raise InputError(case.source, "design.band", got, remedy)
+        if len(tiles) > MOST_TILES:
+            got, remedy = f"{len(tiles)} tiles", f"at most {MOST_TILES}: name fewer walls, or rows"
+            raise InputError(case.source, "design.rows", got, remedy)
         kept = _outdoors(_cut(case, walls, tiles), walls, tiles)
         _refuse_two_faces(case, walls, tiles, kept)
         if not kept:
@@ -223,10 +230,13 @@ def _wide(shape: Any) -> Any:
 
 def _cut(case: Case, walls: Sequence[SpaceWall], tiles: Sequence[WallTile]) -> Case:
     """Case whose walls are cut into tiles of their own material, fronts towards the spaces."""
+    layers, of_walls = case.building.layers, dict[tuple[int, int], Lambertian]()
     windows, materials = [], {}
     for tile in tiles:
-        window = _window(tile.name, walls[tile.wall], tile.shape)
-        materials[tile.name] = material_in(case.building.layers[tile.layer], window.plane)
+        window, key = _window(tile.name, walls[tile.wall], tile.shape), (tile.wall, tile.layer)
+        if key not in of_walls:
+            of_walls[key] = material_in(layers[tile.layer], window.plane)
+        materials[tile.name] = of_walls[key]
         windows.append(window)
     return case.with_building(with_windows(case.building, windows, materials))
 

@@ -226,6 +226,11 @@ def test_walls_that_cannot_be_cut_are_refused_in_one_line(case, keys, message):
     assert "\n" not in str(error.value)
 
 
+def test_a_search_of_too_many_tiles_is_refused():
+    with pytest.raises(InputError, match=r"design.rows: \d+ tiles; at most 500: name fewer"):
+        TiledWalls.of(house(), design(), 10, 10)
+
+
 def test_walls_against_another_body_are_left_out():
     """A block 5 mm before the eastern wall leaves no outdoors there."""
     floor, ceiling, walls = prism([(0, 0), (4, 0), (4, 3), (0, 3)], 3.0)
