@@ -78,7 +78,8 @@ def with_windows(
     -------
     Model
         A layer of panes for each name comes behind the layers that the model has, unless one of
-        these holds panes of that name and belongs to no group.
+        these holds panes of that name and belongs to no group. Layers that windows cover altogether
+        are left out.
 
     Raises
     ------
@@ -107,7 +108,7 @@ def with_windows(
         empty = Layer(name, materials[name], "pane", np.zeros((0, 4, 3)), np.zeros(0, int), ())
         layer = (layers[at:] or [empty])[0]
         layers[at : at + 1] = [_joined(layer, [(w.quads, w.place) for w in mine])]
-    return replace(model, layers=tuple(layers))
+    return replace(model, layers=tuple(layer for layer in layers if len(layer.quads)))
 
 
 def _each_in(plane: Plane, quads: np.ndarray) -> np.ndarray:

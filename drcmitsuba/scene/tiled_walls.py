@@ -140,7 +140,8 @@ class TiledWalls:
     @property
     def layers(self) -> tuple[int, ...]:
         """Index of the layer of every tile in the case with its tiles."""
-        return tuple(range(len(self.drawn.building.layers), len(self.case.building.layers)))
+        count = len(self.case.building.layers)
+        return tuple(range(count - len(self.tiles), count))
 
     def windows(self, panes: Sequence[WallPane]) -> list[NewWindow]:
         """Panes in the coordinates of the model."""
@@ -159,7 +160,10 @@ def _window(name: str, wall: SpaceWall, shape: Any) -> NewWindow:
 
 
 def _meant(case: Case, design: Design) -> list[SpaceWall]:
-    """Walls that `[design]` means by side, space and material, with these materials alone."""
+    """Walls that `[design]` means by side, space and material, with these materials alone.
+
+    They come space by space, each clockwise from the north.
+    """
     layers, every = case.building.layers, walls_of(case)
     spaces = [space.name for space in prepared(case).spaces]
     if not spaces:
@@ -188,7 +192,13 @@ def _meant(case: Case, design: Design) -> list[SpaceWall]:
     if not meant:
         got, remedy = "no wall has this side, space and material", "leave one of them out"
         raise InputError(case.source, "design.walls", got, remedy)
-    return meant
+    return sorted(meant, key=lambda wall: (spaces.index(wall.space), _azimuth(wall)))
+
+
+def _azimuth(wall: SpaceWall) -> float:
+    """Direction of a wall's outer side, clockwise from the model's y axis [deg]."""
+    x, y, _ = wall.plane.normal
+    return float(np.degrees(np.arctan2(x, y)) % 360)
 
 
 def _tiles(
@@ -258,8 +268,7 @@ def _refuse_curved(case: Case, walls: Sequence[SpaceWall]) -> None:
     for wall in walls:
         by_side[wall.space, wall.facing].append(wall)
     for (space, facing), mine in by_side.items():
-        x, y, _ = np.transpose([wall.plane.normal for wall in mine])
-        azimuths = np.sort(np.degrees(np.arctan2(x, y)) % 360)
+        azimuths = np.sort([_azimuth(wall) for wall in mine])
         directions = np.count_nonzero(np.diff(azimuths, append=azimuths[0] + 360) > SAME_DIRECTION)
         if directions >= CURVED:
             got = f"{_named(case, mine)} of {shortened(space)} bends to {facing} in "

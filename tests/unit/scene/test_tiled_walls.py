@@ -13,6 +13,7 @@ from drcmitsuba.model.model import areas
 from drcmitsuba.model.polygon import area_vector
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene.leaks import crack_notes, refuse_leaks
 from drcmitsuba.scene.like_panes import like_panes
 from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.space_walls import walls_of
@@ -99,6 +100,25 @@ def test_tiles_follow_the_band_and_the_height_of_rows(tmp_path):
     z = [0.8, 1.3, 1.8, 2.3, 2.8]
     expected = [(0, 6, low, high) for low, high in pairwise(z)]
     assert np.array([tile.bounds for tile in tiled.tiles]) == pytest.approx(np.array(expected))
+
+
+def test_walls_may_be_tiles_altogether(tmp_path):
+    """Far from the origin and turned, as on a map: every wall becomes a tile, and no crack."""
+    turn = np.array([[0.96, -0.28, 0], [0.28, 0.96, 0], [0, 0, 1]])
+    room = box.room("Room")
+    for face in (*room["faces"], *room["faces"][1]["apertures"]):
+        rings = [face["geometry"]["boundary"], *face["geometry"].get("holes", ())]
+        for ring in rings:
+            ring[:] = (np.array(ring) @ turn.T + [512345.678, 5234567.89, 400.0]).tolist()
+    case = honeybee(tmp_path, room)
+    tiled = TiledWalls.of(case, design(), 1, 1)
+    assert [tile.shape.area for tile in tiled.tiles] == pytest.approx([18, 10, 18, 12], rel=1e-6)
+    assert "generic_wall_0.50" not in [layer.name for layer in tiled.case.building.layers]
+    assert [tiled.case.building.layers[i].name for i in tiled.layers] == [
+        tile.name for tile in tiled.tiles
+    ]
+    refuse_leaks(tiled.case)
+    assert list(crack_notes(tiled.case)) == []
 
 
 def test_walls_between_rooms_are_none(tmp_path):
