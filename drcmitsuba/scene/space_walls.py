@@ -7,7 +7,8 @@ it; what has a space on both sides is a wall between rooms, and no wall here.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
 from functools import cached_property
 from typing import Any
 
@@ -15,12 +16,15 @@ import numpy as np
 import shapely
 
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.design import Design
 from drcmitsuba.model.materials import Lambertian
 from drcmitsuba.model.model import Layer, Model, areas
 from drcmitsuba.model.plane import Plane
 from drcmitsuba.model.space import Space
 from drcmitsuba.model.windows import GRID, SAME_PLANE, shape_in
 from drcmitsuba.runtime import lazy
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import choose, shortened
 from drcmitsuba.scene.geometry import normals, turn
 from drcmitsuba.scene.panes_of_model import side_name
 from drcmitsuba.scene.prepared_case import prepared
@@ -68,6 +72,12 @@ class SpaceWall:
     """All surfaces of the wall, holes filled, in the plane [m]."""
     openings: Any
     """Panes and holes in it, in the plane [m]."""
+
+    @property
+    def azimuth(self) -> float:
+        """Direction that it faces, clockwise from the model's y axis [deg]."""
+        x, y, _ = self.plane.normal
+        return float(np.degrees(np.arctan2(x, y)) % 360)
 
 
 def upright_plane(corner: np.ndarray, outward: np.ndarray) -> Plane:
@@ -125,6 +135,47 @@ def walls_of(case: Case) -> list[SpaceWall]:
         if any(is_wall(case.building.layers[i]) for i in surfaces.quads)
         for wall in _walls_in(case.building, surfaces, floors)
     ]
+
+
+def meant_walls(case: Case, design: Design) -> list[SpaceWall]:
+    """Walls that `[design]` means by side, space and material, with these materials alone.
+
+    They come space by space, each clockwise from the model's y axis.
+
+    Raises
+    ------
+    InputError
+        The model has no spaces, a name is that of none, or no wall is meant.
+    """
+    layers, every = case.building.layers, walls_of(case)
+    spaces = [space.name for space in prepared(case).spaces]
+    if not spaces:
+        remedy = "state its rooms in [spaces], or give sensors above floors"
+        raise InputError(case.source, "design.spaces", "the model has no spaces", remedy)
+    names = list(dict.fromkeys(layers[i].name for wall in every for i in wall.shapes))
+    for key, patterns, known in (("spaces", design.spaces, spaces), ("walls", design.walls, names)):
+        for pattern in patterns:
+            if not any(fnmatchcase(name, pattern) for name in known):
+                got = f"none is called {shortened(pattern)}"
+                raise InputError(case.source, f"design.{key}", got, choose(pattern, known))
+    facings = sorted({wall.facing for wall in every})
+    if design.side is not None and design.side not in facings:
+        got = f"no outer wall faces {design.side}"
+        remedy = choose(design.side, facings) if facings else "give its rooms upright walls"
+        raise InputError(case.source, "design.side", got, remedy)
+
+    def is_named(name: str, patterns: Sequence[str]) -> bool:
+        return not patterns or any(fnmatchcase(name, pattern) for pattern in patterns)
+
+    meant = []
+    for wall in every:
+        shapes = {i: s for i, s in wall.shapes.items() if is_named(layers[i].name, design.walls)}
+        if shapes and is_named(wall.space, design.spaces) and design.side in (None, wall.facing):
+            meant.append(replace(wall, shapes=shapes))
+    if not meant:
+        got, remedy = "no wall has this side, space and material", "leave one of them out"
+        raise InputError(case.source, "design.walls", got, remedy)
+    return sorted(meant, key=lambda wall: (spaces.index(wall.space), wall.azimuth))
 
 
 def _walls_in(model: Model, surfaces: PlaneSurfaces, floors: _Floors) -> Iterator[SpaceWall]:

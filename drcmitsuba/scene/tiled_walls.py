@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from fnmatch import fnmatchcase
 from typing import Any, NamedTuple
 
 import mitsuba as mi
@@ -22,7 +21,7 @@ from drcmitsuba.case.design import Design
 from drcmitsuba.model.materials import Lambertian
 from drcmitsuba.model.windows import GRID, NewWindow, material_in, quads_in, with_windows
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.toml import choose, shortened
+from drcmitsuba.runtime.toml import shortened
 from drcmitsuba.scene.facade_rectangles import between
 from drcmitsuba.scene.geometry import reversed_quads
 from drcmitsuba.scene.panes_of_model import (
@@ -33,8 +32,7 @@ from drcmitsuba.scene.panes_of_model import (
     escaping,
     panes_of_model,
 )
-from drcmitsuba.scene.prepared_case import prepared
-from drcmitsuba.scene.space_walls import SpaceWall, walls_of
+from drcmitsuba.scene.space_walls import SpaceWall, meant_walls
 
 BETWEEN = 0.5
 """Gap between walls side by side in a picture [m]."""
@@ -99,7 +97,7 @@ class TiledWalls:
             No outer wall is meant, a wall is curved or has two faces, the band misses all walls, or
             there are more than `MOST_TILES` tiles.
         """
-        walls = _meant(case, design)
+        walls = meant_walls(case, design)
         _refuse_curved(case, walls)
         tiles = _tiles(case, walls, design, rows, segments)
         if not tiles:
@@ -157,48 +155,6 @@ def _window(name: str, wall: SpaceWall, shape: Any) -> NewWindow:
     """Window whose front faces the space of its wall."""
     quads = reversed_quads(quads_in(wall.plane, shape))
     return NewWindow(name, quads, f"window of {wall.space} ({wall.facing})")
-
-
-def _meant(case: Case, design: Design) -> list[SpaceWall]:
-    """Walls that `[design]` means by side, space and material, with these materials alone.
-
-    They come space by space, each clockwise from the north.
-    """
-    layers, every = case.building.layers, walls_of(case)
-    spaces = [space.name for space in prepared(case).spaces]
-    if not spaces:
-        remedy = "state its rooms in [spaces], or give sensors above floors"
-        raise InputError(case.source, "design.spaces", "the model has no spaces", remedy)
-    names = list(dict.fromkeys(layers[i].name for wall in every for i in wall.shapes))
-    for key, patterns, known in (("spaces", design.spaces, spaces), ("walls", design.walls, names)):
-        for pattern in patterns:
-            if not any(fnmatchcase(name, pattern) for name in known):
-                got = f"none is called {shortened(pattern)}"
-                raise InputError(case.source, f"design.{key}", got, choose(pattern, known))
-    facings = sorted({wall.facing for wall in every})
-    if design.side is not None and design.side not in facings:
-        got = f"no outer wall faces {design.side}"
-        remedy = choose(design.side, facings) if facings else "give its rooms upright walls"
-        raise InputError(case.source, "design.side", got, remedy)
-
-    def is_named(name: str, patterns: Sequence[str]) -> bool:
-        return not patterns or any(fnmatchcase(name, pattern) for pattern in patterns)
-
-    meant = []
-    for wall in every:
-        shapes = {i: s for i, s in wall.shapes.items() if is_named(layers[i].name, design.walls)}
-        if shapes and is_named(wall.space, design.spaces) and design.side in (None, wall.facing):
-            meant.append(replace(wall, shapes=shapes))
-    if not meant:
-        got, remedy = "no wall has this side, space and material", "leave one of them out"
-        raise InputError(case.source, "design.walls", got, remedy)
-    return sorted(meant, key=lambda wall: (spaces.index(wall.space), _azimuth(wall)))
-
-
-def _azimuth(wall: SpaceWall) -> float:
-    """Direction of a wall's outer side, clockwise from the model's y axis [deg]."""
-    x, y, _ = wall.plane.normal
-    return float(np.degrees(np.arctan2(x, y)) % 360)
 
 
 def _tiles(
@@ -268,7 +224,7 @@ def _refuse_curved(case: Case, walls: Sequence[SpaceWall]) -> None:
     for wall in walls:
         by_side[wall.space, wall.facing].append(wall)
     for (space, facing), mine in by_side.items():
-        azimuths = np.sort([_azimuth(wall) for wall in mine])
+        azimuths = np.sort([wall.azimuth for wall in mine])
         directions = np.count_nonzero(np.diff(azimuths, append=azimuths[0] + 360) > SAME_DIRECTION)
         if directions >= CURVED:
             got = f"{_named(case, mine)} of {shortened(space)} bends to {facing} in "
