@@ -42,6 +42,8 @@ def fingerprint(case: Case, enabled_effects: EnabledEffects) -> str:
         settings["in_spaces"] = case.output.spaces
     if case.model is not None:
         settings["model"]["files"] = [_digest(file) for file in case.model.files]
+        if case.model.windows is not None:
+            settings["model"]["windows"] = _digest(case.model.windows)
     if isinstance(case.sensors, PointSensors) and isinstance(case.sensors.points, Path):
         settings["sensors"]["points"] = _digest(case.sensors.points)
     for name, group in case.groups.items():

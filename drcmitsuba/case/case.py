@@ -312,8 +312,12 @@ class Case(Table):
 
     def without_polish(self) -> Case:
         """Have faintly mirroring surfaces of the model diffuse, for tasks that count no mirrors."""
+        return self.with_building(self.building.without_polish())
+
+    def with_building(self, building: Model) -> Case:
+        """Put another building in place of that of the model's files."""
         changed = self._copied({})
-        changed._building = self.building.without_polish()
+        changed._building = building
         return changed
 
     def with_facade(self, side: Side, facade: Facade) -> Case:

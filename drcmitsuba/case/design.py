@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import Field, model_validator
 
@@ -12,11 +12,18 @@ from drcmitsuba.runtime.toml import Name, Percent, Side, Table, choose, shortene
 
 Share = Annotated[float, Field(ge=0, le=1)]
 Tilt = Annotated[float, Field(gt=-90, lt=90)]
+Facing = Literal[
+    "south", "east", "north", "west", "south-east", "north-east", "north-west", "south-west"
+]  # fmt: skip
 
 OF_TILT = ("tilt", "tilt_step")
 """Keys that only the search for a tilt has."""
 OF_BOTH = ("objective", "ase_limit", "sharpness")
 """Keys that both searches have; all others belong to the search for a façade."""
+OF_MODELS = ("panes", "spaces", "walls")
+"""Keys by which a search means parts of a model."""
+OF_WALLS = ("spaces", "walls", "clear", "band", "rows", "row_height", "segments", "wwr")
+"""Keys by which the outer walls of a model are cut into tiles, which may become windows."""
 
 
 class Design(Table):
@@ -32,21 +39,30 @@ class Design(Table):
     """Step of the search over tilts and of its finite differences [deg]."""
     clear: str | None = None
     """Clear material; default: the clear material of the façade as it is."""
-    side: Side | None = None
-    """Side of the room; default: the one side with panes."""
+    side: Facing | None = None
+    """Side of the room, or direction that a model's panes or walls face; default: the one side
+    with panes of a room, all directions of a model."""
     panes: Annotated[tuple[Name, ...], Field(max_length=1000)] = ()
     """Names of the materials of a model's panes that may take the film; `*` stands for any text. By
     default all clear panes."""
+    spaces: Annotated[tuple[Name, ...], Field(max_length=10_000)] = ()
+    """Names of a model's spaces whose outer walls may get windows; `*` stands for any text. By
+    default all spaces."""
+    walls: Annotated[tuple[Name, ...], Field(max_length=1000)] = ()
+    """Names of the materials of a model's outer walls that may get windows; `*` stands for any
+    text. By default all materials."""
     band: tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(gt=0)]] | None = None
-    """Lowest and highest edge of panes [m]; default: the edges of the façade as it is."""
+    """Lowest and highest edge of panes above the floor [m]; default: the edges of the façade as it
+    is, and of a model's wall all of it."""
     parameters: Literal["window", "strips"] = "window"
     """"window": one window with one film in it; "strips": every tile by itself."""
     rows: Annotated[int, Field(ge=1, le=100)] | None = None
-    """Number of tiles one above the other; default: six, or by `row_height`."""
+    """Number of tiles one above the other, in each wall of a space of a model; default: six, or by
+    `row_height`."""
     row_height: Annotated[float, Field(gt=0, le=100)] | None = None
     """Approximate height of a tile, in place of `rows` [m]."""
     segments: Annotated[int, Field(ge=1, le=200)] | None = None
-    """Number of tiles side by side; default: the façade's segments."""
+    """Number of tiles side by side; default: the façade's segments, and one in a model's wall."""
     wwr: Literal["fixed"] | tuple[Share, Share] = "fixed"
     """Window-to-wall ratio: "fixed" as the façade has it, or a range [–]."""
     objective: Literal["sDA", "worst month"] = "sDA"
@@ -71,6 +87,11 @@ class Design(Table):
     """Range of the clear material's transmittance [–]; default: the transmittance is fixed."""
     shade_vlt: tuple[Share, Share] | None = None
     """Range of the shade's transmittance [–]; default: the transmittance is fixed."""
+
+    @property
+    def cuts_walls(self) -> bool:
+        """Whether walls of a model are to be cut into tiles."""
+        return not self.model_fields_set.isdisjoint(OF_WALLS)
 
     @model_validator(mode="after")
     def _one_kind(self) -> Design:
@@ -116,9 +137,13 @@ class Design(Table):
             if name is not None and name not in known:
                 got = f"{shortened(name)} is no such material in [materials]"
                 raise InputError("case", f"design.{key}", got, choose(name, known))
-        if self.panes:
-            got, remedy = "panes of a model, the case has a room of boxes", "name a side"
-            raise InputError("case", "design.panes", got, remedy)
+        for key in OF_MODELS:
+            if getattr(self, key):
+                got, remedy = f"{key} of a model, the case has a room of boxes", "name a side"
+                raise InputError("case", f"design.{key}", got, remedy)
+        if self.side is not None and self.side not in get_args(Side):
+            got, remedy = f"{self.side} of a room of boxes", choose(self.side, get_args(Side))
+            raise InputError("case", "design.side", got, remedy)
         if self.film == self.clear:
             raise InputError("case", "design.film", "it is the clear one", "name another material")
         if self.band is not None and self.band[1] > height:

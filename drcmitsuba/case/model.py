@@ -56,6 +56,9 @@ class ModelTable(Table):
     """Names of materials of bodies outside: buildings, trees, terrain; `*` stands for any text."""
     leave_out: Patterns = ()
     """Names of materials whose surfaces are left out; `*` stands for any text."""
+    windows: Path | None = None
+    """Table of new windows, as `optimise` writes it (`windows.csv`): they are cut out of the walls
+    in whose planes they lie."""
     means: bool = False
     """Whether Radiance's patterns and textures count with their mean; else they are refused."""
     leaks: Literal["refuse", "allow"] = "refuse"

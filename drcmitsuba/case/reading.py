@@ -16,6 +16,7 @@ from drcmitsuba.case.spaces import with_tables
 from drcmitsuba.case.sun import Adaptive, check_sun
 from drcmitsuba.case.uses import with_uses
 from drcmitsuba.model.materials import BsdfMaterial, Lambertian
+from drcmitsuba.model.windows import read_windows, with_windows
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import checked, is_file, read_toml
 
@@ -114,6 +115,14 @@ def with_files(case: Case) -> Case:
         spaces, note = with_uses(known, case.uses, case.source, hours)
         notes = (*building.notes, note) if note else building.notes
         building = replace(building, spaces=spaces, notes=notes)
+        if table.windows is not None:
+            file = resolved(table.windows, "model.windows")
+            case = case.with_tables(
+                model=table.model_copy(update={"files": files, "windows": file})
+            )
+            panes = {x.name: x.material for x in building.layers if x.role == "pane"}
+            kinds = panes | {name: case.materials[name] for name in case.panes}
+            building = with_windows(building, read_windows(file, [*kinds]), kinds)
         # Sums over groups and meshes of suns count no light by way of mirrors.
         dull = bool(case.groups) or isinstance(case.sun, Adaptive)
         dull = dull or case.effects.components == "off"

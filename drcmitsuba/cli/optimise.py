@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 WRITTEN = (
     "pareto.csv", "pareto.png", "facade.png", "search.png", "tilt.png", "fresh_metrics.json",
+    "windows.csv",
 )  # fmt: skip
 LOOSEST = 2.0
 """Ratio of the largest ASE limit on the Pareto front to the limit of the case."""
@@ -49,7 +50,7 @@ def _facade(case: Case, output: Path, stage: Stage) -> None:
     from drcmitsuba.design.optimise import optimise as search
     from drcmitsuba.design.optimise import pareto
     from drcmitsuba.report import plots
-    from drcmitsuba.runtime import backend
+    from drcmitsuba.runtime import backend, storage
 
     backend.select()
     layout = Layout.of(case) if case.model is None else ModelLayout.of(case)
@@ -57,6 +58,9 @@ def _facade(case: Case, output: Path, stage: Stage) -> None:
     with stage("search") as done:
         optimum = search(problem, layout.search, done, layout.known(problem))
     _save_numbers(optimum, output)
+    tables = layout.tables(optimum)
+    for name, table in tables.items():
+        storage.save_csv(table, output / name)
     front = None
     if layout.design.pareto > 0 and optimum.finished:
         most = min(100.0, LOOSEST * max(layout.design.ase_limit, 5.0))
@@ -65,11 +69,10 @@ def _facade(case: Case, output: Path, stage: Stage) -> None:
         with stage("Pareto front") as done:
             front = pareto(optimum, limits, layout.search, done)
         front.save(output / "pareto.csv")
-    hard, year = optimum.best.hard, problem.year
+    hard = optimum.best.hard
     title = f"{case.name}: ASE {hard.ase:.1f} %, {NAMES[problem.goal.aim]} {hard.aim:.1f} %"
     with stage("writing"):
-        drawn = pictures.facade(year.tiles, optimum.best.share, year.materials, layout.film, title)
-        plots.save(drawn, output / "facade.png")
+        plots.save(layout.picture(optimum, title), output / "facade.png")
         plots.save(pictures.search(optimum), output / "search.png")
         if front is not None:
             plots.save(pictures.front(front, chosen=hard), output / "pareto.png")
@@ -78,6 +81,8 @@ def _facade(case: Case, output: Path, stage: Stage) -> None:
     areas = {"film": hard.film_area, "panes": hard.window_area}
     _print(optimum, "best façade", fresh, areas)
     print(f"{optimum.evaluations} evaluations with gradients in {optimum.seconds:.1f} s")
+    for name in tables:
+        print(f'{name}: to draw the new windows into the model, give windows = "{name}" in [model]')
     if front is not None:
         print(f"{len(front.points)} façades on the Pareto front (pareto.csv)")
 

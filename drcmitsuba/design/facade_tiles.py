@@ -27,7 +27,9 @@ class Tiles:
     bounds: np.ndarray
     """Left, right, bottom and top from the foot of the wall [m], shape (tile, 4)."""
     names: tuple[str, ...] = ()
-    """Names of tiles that are panes of a model."""
+    """Names of tiles that are panes or walls of a model."""
+    filled: np.ndarray | None = None
+    """Share of every rectangle that is the tile's [–], shape (tile,); None for all of it."""
 
     def __len__(self) -> int:
         """Count the tiles."""
@@ -37,7 +39,7 @@ class Tiles:
     def area(self) -> np.ndarray:
         """Area of every tile, shape (tile,) [m²]."""
         left, right, bottom, top = self.bounds.T
-        return (right - left) * (top - bottom)
+        return (right - left) * (top - bottom) * (1.0 if self.filled is None else self.filled)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
+from typing import cast
 
 import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
 
 from drcmitsuba.annual.chosen_facade import light_of_channels
 from drcmitsuba.annual.result import Result, evaluate
@@ -14,6 +17,7 @@ from drcmitsuba.case.design import Design
 from drcmitsuba.case.facade import Facade
 from drcmitsuba.case.groups import Group
 from drcmitsuba.case.sun import Adaptive, TrueSun
+from drcmitsuba.design import pictures
 from drcmitsuba.design.facade_maps import Panes, Strips, Window
 from drcmitsuba.design.facade_tiles import TiledLight, groups_of
 from drcmitsuba.design.facade_year import FacadeYear
@@ -82,7 +86,7 @@ class Layout:
         if case.room is None:
             raise InputError(case.source, "design", "there is no room", "add a [room]")
         assert design.film is not None  # with a component in its place, one stands
-        side: Side = design.side or case.glazed[0]
+        side = cast(Side, design.side or case.glazed[0])  # `check_facade` refuses other directions
         facade = case.facade.get(side, Facade())
         if facade.frame > 0:
             got = f"frames of {facade.frame:g} m, which the search does not know"
@@ -163,6 +167,15 @@ class Layout:
         """Evaluate an optimum as a case of its own."""
         return evaluate(self.built(optimum), stage)
 
+    def tables(self, optimum: FacadeOptimum) -> dict[str, pd.DataFrame]:
+        """Tables of an optimum by the names of their files; `optimum.json` has all of a box."""
+        return {}
+
+    def picture(self, optimum: FacadeOptimum, title: str) -> Figure:
+        """Picture of an optimum."""
+        year, share = optimum.problem.year, optimum.best.share
+        return pictures.facade(year.tiles, share, year.materials, self.film, title)
+
     def built(self, optimum: FacadeOptimum) -> Case:
         """Case of an optimum, with its transmittances where these were free."""
         year, share = optimum.problem.year, optimum.best.share
@@ -221,16 +234,7 @@ class Layout:
             return [np.array(x) for x in product(grid, repeat=problem.size)]
         bottom, top = problem.year.tiles.bounds[:, 2:].T
         at = ((bottom + top) / 2 - self.band[0]) / (self.band[1] - self.band[0])
-        films = (at > 2, at >= 0, at > 0.5, at < 0.5, np.abs(at - 0.5) < 1 / 6)
-        return [
-            np.concatenate(
-                [
-                    film.astype(float) if p.key == "film" else np.full(p.count, p.start_fraction)
-                    for p in problem.free
-                ]
-            )
-            for film in films
-        ]
+        return problem.films_by_height(at)
 
     def _strips(self, panes: Panes, part: float) -> Map:
         """Map of single tiles; `part` of the band is window, all of it if 1."""

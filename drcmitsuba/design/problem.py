@@ -141,6 +141,22 @@ class FacadeProblem(RatedProblem):
         """Start, shape (free,): free values as fractions of their ranges, 0 to 1."""
         return np.concatenate([np.full(p.count, p.start_fraction) for p in self.free])
 
+    def films_by_height(self, at: np.ndarray) -> list[np.ndarray]:
+        """Designs (free,) of single tiles: a film nowhere, everywhere, above, below, in the middle.
+
+        The tiles lie `at` heights (tile,) between the lowest edge, 0, and the highest, 1.
+        """
+        films = (at > 2, at >= 0, at > 0.5, at < 0.5, np.abs(at - 0.5) < 1 / 6)
+        return [
+            np.concatenate(
+                [
+                    film.astype(float) if p.key == "film" else np.full(p.count, p.start_fraction)
+                    for p in self.free
+                ]
+            )
+            for film in films
+        ]
+
     def named(self, x: np.ndarray) -> dict[str, np.ndarray]:
         """Values of all parameters in their own units, each of shape (count,)."""
         x = np.asarray(x, float)

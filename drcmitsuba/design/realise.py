@@ -44,7 +44,7 @@ def realise(
     segments_of: dict[Piece, list[int]] = {}
     least = old.frame + 2 * THINNEST
     for i, column in enumerate(columns):
-        for piece in _pieces(tiles, np.asarray(share), column, list(materials), film, least):
+        for piece in pieces_of(tiles, np.asarray(share), column, list(materials), film, least):
             segments_of.setdefault(piece, []).append(i)
     strips = tuple(
         Strip(
@@ -72,11 +72,14 @@ def _columns(tiles: Tiles, length: float, facade: Facade) -> tuple[int, list[np.
     raise InputError("design", "tiles", got, f"let them end between {facade.segments} segments")
 
 
-def _pieces(
+def pieces_of(
     tiles: Tiles, share: np.ndarray, column: np.ndarray, materials: list[str], film: str,
     least: float,
 ) -> list[Piece]:  # fmt: skip
-    """Panes of one segment from the bottom up; the gaps between them are wall."""
+    """Panes of one column of tiles from the bottom up; the gaps between them are wall.
+
+    No pane is lower than the `least` height [m]; other arguments are those of `realise`.
+    """
     none = np.zeros(len(materials))
     none[materials.index("wall")] = 1.0
     stack = [none, *share[column], none]

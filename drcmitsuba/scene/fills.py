@@ -20,16 +20,18 @@ from drcmitsuba.model.materials import (
     Lambertian,
     SurfaceMaterial,
 )
+from drcmitsuba.model.windows import materials_around
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import choose, shortened
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.like_panes import LikePanes, assigned_to, like_panes
 from drcmitsuba.scene.materials import shade_covers
 from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.prepared_case import prepared
 
 HOLE, WALL = "hole", "wall"
-"""Fills that are no material: nothing, and the wall of a room of boxes."""
+"""Fills that are no material: nothing, and the wall around the opening."""
 Fills = Mapping[str, Sequence[str]] | Sequence[str]
 """Names of further fills, of all openings or by opening."""
 
@@ -43,8 +45,8 @@ def openings_of(case: Case, fills: Fills = ()) -> PaneGroups:
     Raises
     ------
     InputError
-        There is no such opening, no such material, or a group whose states the model gives is to
-        have further ones; and errors of `PaneGroups.of`.
+        There is no such opening, no such material, no one wall around it, or a group whose states
+        the model gives is to have further ones; and errors of `PaneGroups.of`.
     """
     own = _apart(case, prepared(case).groups)
     if not len(own):
@@ -59,13 +61,15 @@ def openings_of(case: Case, fills: Fills = ()) -> PaneGroups:
             raise InputError(case.source, "fills", got, choose(opening, names))
     states, materials = [], []
     every = zip(names, own.states.states, own.materials, drawn_in(case, own), strict=True)
-    for name, known, kinds, drawn in every:
+    for g, (name, known, kinds, drawn) in enumerate(every):
         further = [f for f in dict.fromkeys(fills.get(name, ())) if f not in (*known, drawn)]
         if further and len(known) > 1 and not kinds:
             got = f"further fills of {shortened(name)}, whose states the model gives"
             raise InputError(case.source, "fills", got, "name the group's panes and its states")
         states.append((*known, *further))
-        materials.append((*kinds, *(_fill(case, fill) for fill in further)))
+        walls = {WALL: _wall(case, own, g)} if WALL in further else {}
+        of_fills = (walls[fill] if fill in walls else _fill(case, fill) for fill in further)
+        materials.append((*kinds, *of_fills))
     return replace(own, states=GroupStates(names, tuple(states)), materials=tuple(materials))
 
 
@@ -150,14 +154,29 @@ def _opening_of(groups: PaneGroups, panes: LikePanes) -> int:
     return groups.strip(*panes.strip)
 
 
+def _wall(case: Case, openings: PaneGroups, group: int) -> Lambertian:
+    """Material of the wall around an opening, its front towards the room."""
+    if case.room is not None:
+        return Lambertian(case.room.walls)
+    panes, around = panes_of_model(case.building), dict[Lambertian, str]()
+    for layer, polygon in zip(panes.layer.tolist(), panes.polygon.tolist(), strict=True):
+        mine = case.building.layers[layer].polygon == polygon
+        if (openings.of_quads[layer][mine] == group).all():
+            around |= materials_around(case.building, panes.quads[layer][mine])
+    if len(around) != 1:
+        named = ", ".join(map(shortened, around.values())) or "no wall"
+        got = f"around {shortened(openings.states.names[group])} there are {named}"
+        remedy = "ask for the wall of openings that lie in walls of one material"
+        raise InputError(case.source, "fills", got, remedy)
+    return next(iter(around))
+
+
 def _fill(case: Case, name: str) -> SurfaceMaterial | None:
     """Material of a fill; None is a hole."""
     if name == HOLE:
         return None
-    if name == WALL and case.room is not None:
-        return Lambertian(case.room.walls)
     if name not in case.panes or name in RESERVED or "/" in name:
-        known = [HOLE, *([WALL] if case.room is not None else []), *case.panes]
+        known = [HOLE, WALL, *case.panes]
         got = f"no fill {shortened(name)}"
         raise InputError(case.source, "fills", got, choose(name, known))
     return case.materials[name]

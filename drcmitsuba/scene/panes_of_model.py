@@ -126,12 +126,23 @@ def _escaping(model: Model, members: list[tuple[int, int, np.ndarray]]) -> np.nd
         n = normals(some) * np.repeat([[1.0], [-1.0]], RAYS, axis=0)
         points.append(points_on(some, rng.random((2 * RAYS, 2))) + OFFSET * (1 + extent) * n)
         fronts.append(n)
-    lane = dr.arange(mi.UInt32, 2 * len(members) * RAYS)
+    return escaping(scene, np.concatenate(points), np.concatenate(fronts)).reshape(-1, 2)
+
+
+def escaping(scene: mi.Scene, points: np.ndarray, fronts: np.ndarray) -> np.ndarray:
+    """Share of diffuse rays that meet no surface, `RAYS` after another.
+
+    Parameters
+    ----------
+    points, fronts : np.ndarray, shape (ray, 3)
+        Where each ray starts [m], and the unit normal about which it is drawn.
+    """
+    lane = dr.arange(mi.UInt32, len(points))
     uv = even_numbers(lane % RAYS, lane // RAYS, 1, 0)
-    p, n = (dr.gather(mi.Vector3f, flat(np.concatenate(x)), lane) for x in (points, fronts))
+    p, n = (dr.gather(mi.Vector3f, flat(x), lane) for x in (points, fronts))
     d = mi.Frame3f(n).to_world(mi.warp.square_to_cosine_hemisphere(uv))
     hit = scene.ray_test(mi.Ray3f(mi.Point3f(p), d), coherent=False)
-    return 1 - hit.numpy().reshape(-1, 2, RAYS).mean(axis=2)
+    return np.asarray(1 - hit.numpy().reshape(-1, RAYS).mean(axis=1))
 
 
 def rectangle_around(corners: np.ndarray, front: np.ndarray) -> np.ndarray:

@@ -40,7 +40,7 @@ def test_a_search_is_simulations_and_finds_what_a_sweep_finds(tmp_path, name):
     year = layout.year()
     problem = layout.problem(year)
     assert year.tiles.area.sum() == pytest.approx(4)
-    names = {layout.every[g].name for g in layout.searched}
+    names = {layout.openings.every[g].name for g in layout.openings.searched}
     films = case.with_tables(
         materials={**case.materials, **dict.fromkeys(names, case.materials["opal"])}
     )
@@ -87,7 +87,7 @@ def test_panes_are_chosen_by_name(run, tmp_path, monkeypatch):
     [
         (DESIGN + 'panes = ["door"]\n', "design.panes: no clear pane is meant; name some of the"),
         (DESIGN + 'side = "west"\n', "no clear pane is meant"),
-        (DESIGN + "wwr = [0.2, 0.5]\n", "design.wwr: the panes of a model keep their size, place"),
+        (DESIGN + "shade_vlt = [0.2, 0.5]\n", "design.shade_vlt: the panes of a model keep their"),
         (DESIGN.replace("opal", "pane_1"), 'design.film: "pane_1" is no such material'),
     ],
 )

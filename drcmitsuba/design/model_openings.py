@@ -1,0 +1,187 @@
+"""Openings of a model that a search fills: panes that may take a film, or tiles of its walls.
+
+case ─ TiledWalls ─► drawn, clear, film: three variants of one model
+─ SharedFacades ─► openings and fills ─► light by element ─► TiledLight
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+
+import numpy as np
+import xarray as xr
+
+from drcmitsuba.annual.chosen_facade import light_of_channels
+from drcmitsuba.annual.run import Run
+from drcmitsuba.annual.summed_year import accuracy_of
+from drcmitsuba.annual.variants import SharedElements, joined_effects
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.design import Design
+from drcmitsuba.design.facade_groups import FacadeGroups
+from drcmitsuba.design.facade_tiles import (
+    Place,
+    TiledLight,
+    Tiles,
+    closing_matrices,
+    group_of_elements,
+)
+from drcmitsuba.design.model_windows import CLEAR, bounds_of, clear_of, tiled_walls, with_fill
+from drcmitsuba.model.model import areas
+from drcmitsuba.plan import notes, plan
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.progress import Stage
+from drcmitsuba.scene.like_panes import LikePanes, like_panes
+from drcmitsuba.scene.prepared_case import prepared
+from drcmitsuba.scene.shared_facades import SharedFacades
+from drcmitsuba.scene.tiled_walls import TiledWalls
+from drcmitsuba.sky.daylight import Daylight
+
+
+@dataclass(frozen=True)
+class SearchedOpenings:
+    """Openings of a model with the fills that a search weighs."""
+
+    variants: tuple[Case, Case, Case]
+    """The case as drawn, with clear panes in all that is searched, and with the film there; the
+    first two are one where panes are searched."""
+    film: str
+    clear: str
+    """Name of the fill that is not the film: a material, or `CLEAR`."""
+    every: tuple[LikePanes, ...]
+    """All panes and tiles to the outside by material and direction."""
+    searched: tuple[int, ...]
+    """Indices of the panes or tiles that are searched."""
+    facades: SharedFacades
+    """Openings and fills of the variants."""
+    walls: TiledWalls | None = None
+    """Walls that are cut into tiles; None where panes are searched."""
+
+    @classmethod
+    def of_panes(cls, case: Case, design: Design, film: str) -> SearchedOpenings:
+        """Panes that `[design]` names; InputError where no clear one is meant."""
+        every = tuple(like_panes(case))
+        searched = tuple(g for g, panes in enumerate(every) if _is_meant(design, panes))
+        if not searched:
+            known = ", ".join(map(str, every)) or "there are none"
+            got, remedy = "no clear pane is meant", f"name some of the panes: {known}"
+            raise InputError(case.source, "design.panes", got, remedy)
+        covered = with_fill(case, film, {every[g].name: "" for g in searched})
+        facades = SharedFacades.of([case, case, covered])
+        return cls((case, case, covered), film, CLEAR, every, searched, facades)
+
+    @classmethod
+    def of_walls(cls, case: Case, design: Design, film: str) -> SearchedOpenings:
+        """Tiles of the walls that `[design]` names; errors are those of `TiledWalls.of`."""
+        clear = clear_of(case, design)
+        walls = tiled_walls(case, design)
+        panes = {panes.layer: panes for panes in like_panes(walls.case)}
+        tiles = {walls.case.building.layers[i].name: panes[i].facing for i in walls.layers}
+        glazed, covered = (with_fill(walls.case, name, tiles) for name in (clear, film))
+        every = tuple(like_panes(glazed))
+        at = {panes.layer: g for g, panes in enumerate(every)}
+        facades = SharedFacades.of([walls.case, glazed, covered])
+        searched = tuple(at[i] for i in walls.layers)
+        return cls((walls.case, glazed, covered), film, clear, every, searched, facades, walls)
+
+    @property
+    def fills(self) -> tuple[str, str, str]:
+        """Names of the columns of a composition; panes are never wall."""
+        return "wall", self.clear, self.film
+
+    def simulated(self, case: Case, light: Daylight, stage: Stage) -> SharedElements:
+        """Light of all openings with all of their fills, by the samples of a case."""
+        run = replace(Run.of(case), stage=stage)
+        accuracy = accuracy_of(case, run)
+        filled = [each.with_tables(accuracy=case.accuracy) for each in self.variants[1:]]
+        scope = joined_effects([plan(each, light).scope for each in filled])
+        scope = replace(scope, solved_cells=False)  # gradients follow paths
+        facades = self.facades
+        with run.timed("light by pane") as done:
+            channels = light_of_channels(
+                facades.case, facades.panes, light.suns, accuracy, scope, done
+            )
+        return SharedElements([case], light, facades, scope, channels, [notes(case)], run)
+
+    def tiled(self, shared: SharedElements, time: xr.DataArray) -> TiledLight:
+        """Light as tiles of a façade have it."""
+        states, columns = self.facades.panes.states, self.fills
+        starts, count = states.starts, states.starts[-1]
+        place, still = np.full(count, -1), np.zeros(count, np.float32)
+        is_open, names = np.zeros(count, bool), [""] * count
+        tile_of = {g: tile for tile, g in enumerate(self.searched)}
+        for g in range(len(self.every)):
+            fills = [starts[g] + int(rows[g].argmax()) for rows in self.facades.drawn]
+            still[fills[0]] = g not in tile_of
+            for column, (fill, name) in enumerate(zip(fills, columns, strict=True)):
+                if column == 0 and self.walls is None:
+                    continue  # panes are no wall
+                is_open[fill], names[fill] = True, name if g in tile_of else CLEAR
+                if g in tile_of:
+                    place[fill] = 3 * tile_of[g] + column
+        groups = self._groups(time)
+        by_element = {place.element: place for place in self._places()}
+        places = [] if groups is None else [*by_element.values()]
+        several = groups is not None and len(groups.rule.groups) > 1
+        return TiledLight(
+            tiles=self._tiles(),
+            materials=columns,
+            names=tuple(names),
+            as_drawn=still,
+            is_open=is_open,
+            closings=closing_matrices(count, places, groups),
+            channels=shared.channels,
+            groups=groups,
+            group=group_of_elements(count, places) if several else None,
+            place=place,
+        )
+
+    def _tiles(self) -> Tiles:
+        """Tiles of walls side by side; searched panes likewise, each of 1 m height by its area."""
+        names = tuple(str(self.every[g]) for g in self.searched)
+        if self.walls is not None:
+            return bounds_of(self.walls, names)
+        size = []
+        for g in self.searched:
+            panes = self.every[g]
+            assert panes.quads is not None
+            size.append(
+                areas(self.variants[0].building.layers[panes.layer].quads[panes.quads]).sum()
+            )
+        right = np.cumsum(size)
+        left, zero = right - size, np.zeros(len(size))
+        return Tiles(np.stack([left, right, zero, zero + 1], axis=1), names)
+
+    def _groups(self, time: xr.DataArray) -> FacadeGroups | None:
+        """Groups of panes that close; None where nothing ever does."""
+        case = self.variants[1]
+        states = prepared(case).groups.states
+        if not any(states.closable):
+            return None
+        return FacadeGroups.of_case(case, states, time)
+
+    def _places(self) -> Iterator[Place]:
+        """Yield the elements that a group, or the shade, changes."""
+        case, starts = self.variants[1], self.facades.panes.states.starts
+        shade, of_panes = case.shading, prepared(case).groups
+        variants = zip(self.facades.drawn, self.facades.members, strict=True)
+        for number, (drawn, members) in enumerate(variants):
+            for g, row in drawn.items():
+                panes, element = self.every[g], starts[g] + int(row.argmax())
+                assert panes.quads is not None
+                if case.groups and g in members:
+                    further = tuple(starts[g] + f for f in members[g].fills)
+                    yield Place(element, members[g].group, further)
+                elif shade is not None and not case.groups and number == 1:
+                    group = int(of_panes.of_quads[panes.layer][panes.quads[0]])
+                    if panes.clear and group >= 0:
+                        names = self.facades.panes.states.states[g]
+                        closed = starts[g] + names.index(shade.material, 1)
+                        yield Place(element, group, (closed,))
+
+
+def _is_meant(design: Design, panes: LikePanes) -> bool:
+    """Whether `[design]` names panes: by default all clear ones."""
+    named = not design.panes or any(fnmatchcase(panes.name, p) for p in design.panes)
+    return panes.clear and named and design.side in (None, panes.facing)

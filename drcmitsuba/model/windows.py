@@ -1,0 +1,237 @@
+"""New windows in a model: panes that are cut out of its walls, and the table that lists them.
+
+A window lies in the plane of a wall. What it covers there is wall no more: light would not pass it.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+
+from drcmitsuba.model.materials import Lambertian, SurfaceMaterial, two_sided
+from drcmitsuba.model.model import Layer, Model, areas
+from drcmitsuba.model.plane import Plane
+from drcmitsuba.model.polygon import quads_of
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import choose, shortened
+
+SAME_PLANE = 1e-3
+"""Distance [m], and difference of normals [–], within which surfaces lie in one plane."""
+GRID = 1e-6
+"""Grid to which corners of cut shapes are rounded [m]."""
+CORNERS = tuple(f"{axis}{k}" for k in range(1, 5) for axis in "xyz")
+COLUMNS = ("window", "material", *CORNERS)
+"""Columns of a table of windows: a number, a name, and corners in the model's coordinates [m]."""
+MAX_BYTES = 1 << 24
+"""Largest size of a table [bytes]."""
+
+
+@dataclass(frozen=True, eq=False)
+class NewWindow:
+    """Pane in the plane of a wall."""
+
+    name: str
+    """Name of its material; windows of one name are one layer."""
+    quads: np.ndarray
+    """Its parts, fronts to the room, in the coordinates of the model [m], shape (quad, 4, 3)."""
+    place: str
+    """Words for messages."""
+
+    @property
+    def plane(self) -> Plane:
+        """Plane whose front is that of the window."""
+        return Plane.of(self.quads[np.argmax(areas(self.quads))])
+
+
+def shape_in(plane: Plane, quads: np.ndarray) -> Any:
+    """Union of quads (quad, 4, 3) in a plane, as shapely's geometry [m]."""
+    return shapely.union_all(_each_in(plane, quads), grid_size=GRID)
+
+
+def quads_in(plane: Plane, shape: Any) -> np.ndarray:
+    """Quads (quad, 4, 3) of a shape in a plane [m], fronts as the plane's."""
+    shape = shapely.simplify(shape, GRID)  # corners along straight edges would make triangles
+    parts = [quads_of(rings[0], rings[1:]) for rings in plane.rings(shape, GRID)]
+    return np.concatenate([np.zeros((0, 4, 3)), *parts])
+
+
+def with_windows(
+    model: Model, windows: Sequence[NewWindow], materials: Mapping[str, SurfaceMaterial]
+) -> Model:
+    """Cut windows out of the surfaces of a model that lie in their planes.
+
+    Parameters
+    ----------
+    model : Model
+    windows : sequence of NewWindow
+    materials : mapping of str to SurfaceMaterial
+        Material of every name of the windows.
+
+    Returns
+    -------
+    Model
+        A layer of panes for each name comes behind the layers that the model has, unless one of
+        these holds panes of that name and belongs to no group. Layers that windows cover altogether
+        are left out.
+
+    Raises
+    ------
+    InputError
+        A window lies in no wall.
+    """
+    layers = list(model.layers)
+    of_plane: dict[tuple[float, ...], list[NewWindow]] = defaultdict(list)
+    for window in windows:
+        plane = window.plane
+        key = np.round([*plane.normal, plane.corner @ plane.normal], 4)
+        of_plane[tuple(key.tolist())].append(window)
+    for mine in of_plane.values():
+        plane = mine[0].plane
+        shape = shape_in(plane, np.concatenate([window.quads for window in mine]))
+        cut = [_without(x, plane, shape) if x.role == "surface" else x for x in layers]
+        if all(new is old for new, old in zip(cut, layers, strict=True)):
+            remedy = "give corners in the plane of a wall, in the model's coordinates [m]"
+            raise InputError("model.windows", mine[0].place, "no wall lies in its plane", remedy)
+        layers = cut
+    named: dict[str, list[NewWindow]] = defaultdict(list)
+    for window in windows:
+        named[window.name].append(window)
+    for name, mine in named.items():
+        at = next((i for i, layer in enumerate(layers) if _holds(layer, name)), len(layers))
+        empty = Layer(name, materials[name], "pane", np.zeros((0, 4, 3)), np.zeros(0, int), ())
+        layer = (layers[at:] or [empty])[0]
+        layers[at : at + 1] = [_joined(layer, [(w.quads, w.place) for w in mine])]
+    return replace(model, layers=tuple(layer for layer in layers if len(layer.quads)))
+
+
+def _each_in(plane: Plane, quads: np.ndarray) -> np.ndarray:
+    """Quads (quad, 4, 3) in a plane, as shapely's polygons (quad,) [m]."""
+    flat = quads - plane.corner
+    polygons: np.ndarray = shapely.polygons(np.stack([flat @ plane.u, flat @ plane.v], axis=-1))
+    return polygons
+
+
+def _in_plane(layer: Layer, plane: Plane) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of a layer's quads in a plane, and their areas, negative if they show it their back.
+
+    Areas are in m², both arrays of shape (quad,).
+    """
+    vectors = np.cross(layer.quads[:, 2] - layer.quads[:, 0], layer.quads[:, 3] - layer.quads[:, 1])
+    length, along = np.linalg.norm(vectors, axis=1), vectors @ plane.normal
+    off = np.abs((layer.quads - plane.corner) @ plane.normal).max(axis=1, initial=0.0)
+    near = (length > 0) & (np.abs(along) > (1 - SAME_PLANE) * length) & (off < 2 * SAME_PLANE)
+    return np.flatnonzero(near), along[near] / 2
+
+
+def material_in(layer: Layer, plane: Plane) -> Lambertian:
+    """Material of a diffuse layer in a plane, which mirrors nothing, with the plane's front."""
+    assert isinstance(layer.material, Lambertian)
+    front, back = layer.material.sides
+    is_turned = _in_plane(layer, plane)[1].sum() < 0
+    return two_sided(*map(Lambertian, (back, front) if is_turned else (front, back)))
+
+
+def materials_around(model: Model, quads: np.ndarray) -> dict[Lambertian, str]:
+    """Diffuse surfaces that touch a pane in its plane, by their material, with a name of each.
+
+    The fronts of the materials are that of the pane, quads (quad, 4, 3) in one plane [m].
+    """
+    plane = Plane.of(quads[np.argmax(areas(quads))])
+    shape, around = shape_in(plane, quads), dict[Lambertian, str]()
+    for layer in model.layers:
+        if layer.role == "surface" and isinstance(layer.material, Lambertian):
+            near, _ = _in_plane(layer, plane)
+            if shapely.dwithin(_each_in(plane, layer.quads[near]), shape, 2 * SAME_PLANE).any():
+                around.setdefault(material_in(layer, plane), layer.name)
+    return around
+
+
+def _without(layer: Layer, plane: Plane, shape: Any) -> Layer:
+    """Layer without a shape in a plane: quads that it touches become the wall around it."""
+    near, along = _in_plane(layer, plane)
+    shared = shapely.intersection(_each_in(plane, layer.quads[near]), shape)
+    touched = near[shapely.area(shared) > GRID]
+    if not len(touched):
+        return layer
+    rest = shapely.difference(shape_in(plane, layer.quads[touched]), shape, grid_size=GRID)
+    polygons = plane.rings(shapely.simplify(rest, GRID), GRID)
+    if along[near == touched[0]] < 0:
+        polygons = [tuple(ring[::-1] for ring in rings) for rings in polygons]
+    place = layer.place(int(touched[0]))
+    kept = np.delete(np.arange(len(layer.quads)), touched)
+    left = replace(layer, quads=layer.quads[kept], polygon=layer.polygon[kept])
+    return _joined(left, [(quads_of(rings[0], rings[1:]), place) for rings in polygons])
+
+
+def _holds(layer: Layer, name: str) -> bool:
+    """Whether a layer holds panes of a name that always stand as they are."""
+    return layer.name == name and layer.role == "pane" and not (layer.group or layer.stands_in)
+
+
+def _joined(layer: Layer, polygons: Sequence[tuple[np.ndarray, str]]) -> Layer:
+    """Layer with further polygons: quads (quad, 4, 3) [m] and place of each."""
+    first = max(len(layer.places), int(layer.polygon.max(initial=-1)) + 1)
+    known = (*layer.places, *layer.places[-1:] * (first - len(layer.places)))
+    count = [len(quads) for quads, _ in polygons]
+    return replace(
+        layer,
+        quads=np.concatenate([layer.quads, *(quads for quads, _ in polygons)]),
+        polygon=np.concatenate([layer.polygon, np.repeat(first + np.arange(len(count)), count)]),
+        places=(*known, *(place for _, place in polygons)),
+    )
+
+
+def rows_of(windows: Sequence[NewWindow]) -> list[dict[str, Any]]:
+    """Rows of a table of windows, one for each quad, by `COLUMNS`."""
+    return [
+        {"window": k, "material": window.name}
+        | dict(zip(CORNERS, np.round(quad.ravel(), 6).tolist(), strict=True))
+        for k, window in enumerate(windows)
+        for quad in window.quads
+    ]
+
+
+def read_windows(file: Path, known: Sequence[str]) -> list[NewWindow]:
+    """Read a table of windows, whose materials are among the `known` names.
+
+    Raises
+    ------
+    InputError
+        The file is too large or no such table, or a material is not known.
+    """
+    if file.stat().st_size > MAX_BYTES:
+        raise InputError(file, "file", "larger than 16 MiB", "give the table of some windows")
+    remedy = f"give a CSV file with the columns {', '.join(COLUMNS)}"
+    quads: dict[str, list[np.ndarray]] = defaultdict(list)
+    names: dict[str, str] = {}
+    try:
+        with file.open(encoding="utf-8", newline="") as lines:
+            for row in csv.DictReader(lines):
+                names[row["window"]] = row["material"]
+                numbers = np.array([float(row[column]) for column in CORNERS])
+                quads[row["window"]].append(numbers.reshape(4, 3))
+    except (KeyError, TypeError, ValueError, csv.Error) as error:
+        raise InputError(file, "windows", f"{error}"[:200], remedy) from None
+    if not quads:
+        raise InputError(file, "windows", "it holds no window", remedy)
+    for name in names.values():
+        if name not in known:
+            got = f"no pane has the material {shortened(name)}"
+            raise InputError(file, "material", got, choose(name, known))
+    made = [
+        NewWindow(name, np.array(quads[number]), f"{file.name}, window {number}")
+        for number, name in names.items()
+    ]
+    for window in made:
+        if not (np.isfinite(window.quads).all() and (areas(window.quads) > 0).all()):
+            raise InputError(file, window.place, "a corner that is no point", "give four corners")
+        if window.plane.distance(window.quads.reshape(-1, 3)) > SAME_PLANE:
+            raise InputError(file, window.place, "its corners lie in no plane", "split it")
+    return made
