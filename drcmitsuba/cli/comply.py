@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from drcmitsuba.standards import Evidence, Refusal, Verdict, ViewOut
     from drcmitsuba.standards.verdict import Margin, Outcome
 
+CONDITION = "*"
+"""Mark of a verdict on a case that lacks something of its standard's terms."""
 CHANGE = "Find the least change of the façade that reaches the next level (a case with [design])."
 
 
@@ -185,7 +187,8 @@ def _show_all(judged: list[Verdict | Refusal]) -> None:
         reached = likelihood(verdict.probability)
         if verdict.level is None:
             reached += f" ({verdict.levels[0].name})"
-        table.add_row(verdict.standard, verdict.stated(), reached, _margin(shown.margin))
+        stated = verdict.stated() + (f" {CONDITION}" if verdict.conditions else "")
+        table.add_row(verdict.standard, stated, reached, _margin(shown.margin))
     show(table)
     show_notes([*_by_standard(judged), *reasons])
     print("details: drcmitsuba comply … --standard NAME")
@@ -199,7 +202,7 @@ def _by_standard(judged: list[Verdict | Refusal]) -> list[str]:
     for verdict in judged:
         if isinstance(verdict, Refusal):
             continue
-        for line in (*verdict.conditions, *verdict.taken):
+        for line in (*(f"{CONDITION} {c}" for c in verdict.conditions), *verdict.taken):
             names.setdefault(line, []).append(verdict.standard)
     return [f"{', '.join(of_line)}: {line}" for line, of_line in names.items()]
 

@@ -5,6 +5,7 @@ import pytest
 
 from drcmitsuba import standards
 from drcmitsuba.metrics.intervals.autonomy import multipliers
+from drcmitsuba.report.document import verdicts
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.standards.verdict import likelihood
 from tests.unit.standards.made_year import WHOLE, WORKING, evidence, median_reached, zenith
@@ -504,3 +505,13 @@ def test_nan_is_refused():
 )
 def test_probabilities_in_words(p, text):
     assert likelihood(p) == text
+
+
+def test_a_verdict_says_what_the_case_lacks():
+    """The level is that of a case without the shade that LM-83 presumes; EN 17037 asks for none."""
+    leed, european = standards.each(["leed-v4.1", "en-17037"], evidence(lit(60)))
+    assert leed.conditions == ("the case has no shade, which LM-83 wants before every window",)
+    assert european.conditions == ()
+    text = "".join(map(str, verdicts._short(leed)))
+    assert f"probability: certain; {leed.conditions[0]}; sDA at 300 lx" in text
+    assert leed.conditions[0] not in "".join(map(str, verdicts._short(european)))
