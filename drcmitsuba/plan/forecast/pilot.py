@@ -1,6 +1,6 @@
 """A pilot of one state of a case: transport itself, on few sensors, suns and photons.
 
-Only this module of the forecast calls transport. The evaluation uses the same kernels, so none is
+Only this module and `pilot_paths` call transport. The evaluation uses the same kernels, so none is
 compiled in vain. The scene counts the rays, which are scaled to all sensors, suns and photons.
 """
 
@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from math import ceil, prod
-from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -19,6 +18,13 @@ from drcmitsuba_plugins.sampling import disk_solid_angle
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.groups import State
+from drcmitsuba.plan.forecast.pilot_paths import (
+    REPLICATES,
+    SENSORS,
+    PilotPaths,
+    pilot_sensors,
+    spread,
+)
 from drcmitsuba.plan.planning import Plan
 from drcmitsuba.runtime import launch_size
 from drcmitsuba.runtime.flat_arrays import flat
@@ -27,13 +33,12 @@ from drcmitsuba.runtime.ray_counter import Purpose
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.scene import Scene, load
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.cells.cells import CellGrid
-from drcmitsuba.transport.coefficients import compute, groups_of
+from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.films.answers import SAMPLES
 from drcmitsuba.transport.films.films import FEW_ROWS, Films
 from drcmitsuba.transport.films.orientation import Mount
 from drcmitsuba.transport.gather.blocks import KEPT
-from drcmitsuba.transport.gather.paths import USUAL, expected_bounces, gather
+from drcmitsuba.transport.gather.paths import USUAL
 from drcmitsuba.transport.interreflection.cell_rays import ROUNDS
 from drcmitsuba.transport.photons.tracer import PATCH
 from drcmitsuba.transport.rays.shadow_rays import sun_deposit
@@ -41,78 +46,11 @@ from drcmitsuba.transport.shared_paths import SharedPaths
 
 INCIDENT = 0.2
 """Share of a film's incident cells that the suns of a year meet, roughly."""
-REPLICATES = 2
-"""Number of replicates of a pilot: the smallest that has a standard error."""
-SENSORS, RAYS, VERTICES = 48, 1 << 20, 1 << 16
-"""Largest numbers of sensors and of their rays to the sky; approximate number of vertices."""
-MET = 1 << 20
-"""Approximate number of vertices from which the number of cells of a model follows: around it, more
-vertices meet ever more cells."""
 SUNS, PHOTONS, FILM_SAMPLES = 128, 1 << 14, 8
 """Largest number of suns; approximate photons of a replicate; directions from a film's cell."""
 
 Amount = tuple[str, str, float]
 """Effect, unit of work, number of units."""
-
-
-class PilotPaths(NamedTuple):
-    """Paths of the gather."""
-
-    rays: float = 0.0
-    """Mean number of rays of one path."""
-    vertices: float = 0.0
-    """Mean number of diffuse vertices of one path."""
-    before: int = 0
-    """Number of rays that measure the length of paths first, where surfaces are white."""
-    bounces: float = USUAL
-    """Number of vertices of one path for which memory is reserved."""
-    times: np.ndarray = np.zeros(0, int)
-    """Number of vertices in each cell that the pilot met, shape (cell,). A cell that sensors of
-    several `groups_of` rooms meet is lit for each of them, and counts as often."""
-    met: int = 0
-    """Number of cells that `REPLICATES` of the pilot met."""
-
-    @classmethod
-    def of(
-        cls, scene: Scene, points: np.ndarray, normals: np.ndarray, a: Accuracy,
-        rooms: np.ndarray | None,
-    ) -> PilotPaths:  # fmt: skip
-        """Trace the paths of the pilot's sensors, as `compute` does."""
-        if scene.effects.depth == 0:
-            return cls()
-        grid, counted, bounces = CellGrid.of(scene, a.cell_size), scene.ray_counter.counted, 1.0
-        once = scene.effects.solved_cells
-        if not once:
-            seed = launch_seed(a.seed, Stream.PATH_LENGTHS)
-            bounces = expected_bounces(scene, points, normals, a.paths, grid, seed)
-        before = counted()["path"]
-        some = _sensors(len(points), a, bounces)
-        replicates = REPLICATES
-        if rooms is not None:
-            replicates = max(REPLICATES, int(MET / (len(some) * a.paths * bounces)))
-        vertices = gather(
-            scene, points[some], normals[some], replicates=replicates, paths=a.paths, grid=grid,
-            seed=launch_seed(a.seed, Stream.PATHS), bounces=bounces, once=once,
-        )  # fmt: skip
-        traced, rays = replicates * len(some) * a.paths, counted()["path"] - before
-        ends = [group.stop for group in groups_of(rooms, len(points))]
-        row, (cells, cell) = vertices.row.numpy(), np.unique(vertices.key, return_inverse=True)
-        group = np.searchsorted(ends, some, side="right")[row % len(some)]
-        times = np.unique(group * len(cells) + cell, return_counts=True)[1]
-        met = len(np.unique(cell[row < REPLICATES * len(some)]))
-        return cls(rays / traced, len(vertices) / traced, before, bounces, times, met)
-
-    def cells(self, vertices: float) -> float:
-        """Number of cells that this number of vertices meets, by Chao's estimator [1]_.
-
-        References
-        ----------
-        .. [1] A. Chao et al., "Rarefaction and extrapolation with Hill numbers", 2014, eq. (9).
-        """
-        n, once, twice = self.times.sum(), (self.times == 1).sum(), (self.times == 2).sum()
-        unseen = once * once / (2 * twice) if twice else once * (once - 1) / 2
-        share = once / max(1, n * unseen + once)
-        return float(len(self.times) + unseen * (1 - (1 - share) ** max(0.0, vertices - n)))
 
 
 @dataclass(frozen=True)
@@ -160,7 +98,7 @@ class Pilot:
         if first is not None:
             few = _among(first.few, suns)
         paths = PilotPaths.of(scene, points, normals, a, rooms) if any(bins) else PilotPaths()
-        some = _sensors(len(points), a, paths.bounces)
+        some = pilot_sensors(len(points), a, paths.bounces)
         photons = min(a.photons, max(1, PHOTONS // (PATCH * patches + len(few.labels) + 1)))
         photons = photons if first is None else first.photons
         film_samples = min(a.film_sky_samples, FILM_SAMPLES)
@@ -315,14 +253,3 @@ def _among(few: Suns, suns: Suns) -> Suns:
 def _between_cells(traced: dict[Purpose, dict[str, int]], rounds: tuple[str, ...] = ROUNDS) -> int:
     """Number of rays from cells to other cells in some rounds."""
     return sum(n["path"] for purpose, n in traced.items() if not {*rounds}.isdisjoint(purpose))
-
-
-def spread(count: int, most: int) -> np.ndarray:
-    """Evenly spread indices below `count`: at most `most`, and at least one."""
-    return np.linspace(0, count - 1, min(count, max(1, most))).round().astype(int)
-
-
-def _sensors(count: int, a: Accuracy, bounces: float) -> np.ndarray:
-    """Indices of the pilot's sensors among all `count` sensors."""
-    by_paths = int(VERTICES / (REPLICATES * a.paths * bounces))
-    return spread(count, min(SENSORS, RAYS // a.sensor_sky_rays, by_paths))

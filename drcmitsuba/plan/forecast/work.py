@@ -12,7 +12,8 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba.case.groups import OPEN, SHADED, State
 from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.plan import Plan
-from drcmitsuba.plan.forecast.pilot import Amount, Pilot, spread
+from drcmitsuba.plan.forecast.pilot import Amount, Pilot
+from drcmitsuba.plan.forecast.pilot_paths import spread
 from drcmitsuba.plan.forecast.summed import GroupSum, is_summed, states_of_year
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import LUMINANCE_WEIGHTS

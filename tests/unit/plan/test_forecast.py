@@ -19,7 +19,7 @@ from drcmitsuba.plan import plan
 from drcmitsuba.plan.forecast import cost as cost_of
 from drcmitsuba.plan.forecast import forecast, is_short, work
 from drcmitsuba.plan.forecast.cost import KERNELS
-from drcmitsuba.plan.forecast.pilot import REPLICATES, PilotPaths
+from drcmitsuba.plan.forecast.pilot_paths import REPLICATES, PilotPaths
 from drcmitsuba.plan.forecast.summed import is_summed, states_of_year
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.machine_speed import Speed, speed
