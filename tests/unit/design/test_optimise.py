@@ -12,10 +12,11 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.design import pictures
 from drcmitsuba.design.facade_maps import Panes, Strips, Window
+from drcmitsuba.design.goal import Goal
 from drcmitsuba.design.layout import Layout
 from drcmitsuba.design.optimise import Search, optimise, pareto
 from drcmitsuba.design.parameters import Parameter
-from drcmitsuba.design.problem import FacadeProblem, Goal
+from drcmitsuba.design.problem import FacadeProblem
 from drcmitsuba.design.realise import realise
 from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.runtime import backend
