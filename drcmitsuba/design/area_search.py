@@ -13,6 +13,8 @@ from drcmitsuba.runtime.progress import Progress
 FacadeHistory: TypeAlias = History[FacadeProblem, FacadeCandidate]
 HALVINGS = 10
 """Bisections of the way to no area."""
+ROUNDS = 3
+"""Largest number of rounds: a smaller pane may let a shade open, so that another may shrink."""
 SINGLE = 8
 """Largest number of free values of which each is bisected by itself; of more, each may go only."""
 
@@ -25,13 +27,15 @@ def lower_area(history: FacadeHistory, progress: Progress) -> None:
     problem = history.problem
     if not problem.holds(history.best()):
         return
-    _lower(history, np.arange(problem.size), HALVINGS)
-    axes = np.flatnonzero(_none(history.best()) != history.best().x)
-    for done, axis in enumerate(axes):
-        _lower(history, np.array([axis]), HALVINGS if problem.size <= SINGLE else 0)
-        progress((done + 1) / (len(axes) + 1))
-    if len(axes) > SINGLE:
-        _lower(history, axes, HALVINGS)
+    each = HALVINGS if problem.size <= SINGLE else 0
+    for done in range(ROUNDS):
+        before = history.best()
+        _lower(history, np.arange(problem.size), HALVINGS)
+        for axis in range(problem.size):
+            _lower(history, np.array([axis]), each)
+        progress((done + 1) / ROUNDS)
+        if history.best() is before:
+            break
 
 
 def _none(candidate: FacadeCandidate) -> np.ndarray:
