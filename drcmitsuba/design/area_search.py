@@ -6,7 +6,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from drcmitsuba.design.problem import FacadeCandidate, FacadeProblem
+from drcmitsuba.design.problem import EQUAL, FacadeCandidate, FacadeProblem
 from drcmitsuba.design.search import History
 from drcmitsuba.runtime.progress import Progress
 
@@ -41,7 +41,7 @@ def lower_area(history: FacadeHistory, progress: Progress) -> None:
 def _none(candidate: FacadeCandidate) -> np.ndarray:
     """Values (free,) of no area; those on which the area does not depend stay."""
     x, slope = candidate.x, candidate.gradient
-    return np.where(slope < 0, 0.0, np.where(slope > 0, 1.0, x))
+    return np.where(slope < -EQUAL, 0.0, np.where(slope > EQUAL, 1.0, x))
 
 
 def _lower(history: FacadeHistory, axes: np.ndarray, halvings: int) -> None:
