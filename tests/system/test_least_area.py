@@ -29,7 +29,7 @@ BOX = BOXES["box"].replace("count = [3, 3]\nspacing = 1.2", "count = [6, 8]\nspa
 ONE_TILE = 'parameters = "strips"\nrows = 1\nsegments = 1\n'
 CASES = {  # threshold of sDA [lx], least sDA [%], case
     "box": (700, 75, BOX, ONE_TILE),
-    "mesh": (200, 80, MODELS["mesh"].replace("paths = 16", "paths = 128"), 'panes = ["*_2"]\n'),
+    "mesh": (200, 80, MODELS["mesh"].replace("paths = 16", "paths = 64"), 'panes = ["*_2"]\n'),
 }
 
 

@@ -167,7 +167,7 @@ def test_the_least_area_of_windows_is_that_of_a_sweep(tmp_path, kind, tables):
     assert (problem.size, problem.goal.least.of) == (2, "panes")
     best = optimise(problem, layout.search, known=layout.known(problem)).best
     assert problem.holds(best)
-    step, tile = 0.02, problem.year.tiles.area.sum()
+    step, tile = 0.04, problem.year.tiles.area.sum()
     films = np.linspace(0, 1, 11)
     for window in np.arange(0, 1 + step, step):
         shares = np.array([(1 - window, window * (1 - f), window * f) for f in films])
