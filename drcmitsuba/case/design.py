@@ -65,8 +65,11 @@ class Design(Table):
     """Number of tiles side by side; default: the façade's segments, and one in a model's wall."""
     wwr: Literal["fixed"] | tuple[Share, Share] = "fixed"
     """Window-to-wall ratio: "fixed" as the façade has it, or a range [–]."""
-    objective: Literal["sDA", "worst month"] = "sDA"
-    """Metric to maximise: sDA, or msDA of the worst month."""
+    objective: Literal["sDA", "worst month", "area"] = "sDA"
+    """Metric to maximise: sDA, or msDA of the worst month. "area": the least area that has
+    `sda_least`, of windows where `wwr` is a range, of film where the windows stay."""
+    sda_least: Percent | None = None
+    """Least sDA, for the objective "area" [%]."""
     film_cost: Annotated[float, Field(ge=0, le=1000)] = 0.0
     """Reduction of the objective where film fills the whole band [%]; less film costs less."""
     ase_limit: Percent = 10.0
@@ -93,6 +96,11 @@ class Design(Table):
         """Whether walls of a model are to be cut into tiles."""
         return not self.model_fields_set.isdisjoint(OF_WALLS)
 
+    @property
+    def aim(self) -> Literal["sDA", "worst month"]:
+        """Metric that is maximised, or that the least area has to reach."""
+        return "sDA" if self.objective == "area" else self.objective
+
     @model_validator(mode="after")
     def _one_kind(self) -> Design:
         if self.component is None:
@@ -112,6 +120,19 @@ class Design(Table):
             got = f"{low:g} to {high:g}"
             remedy = f"give the lower value first, and at least {2 * self.tilt_step:g}° between"
             raise InputError("design", "tilt", got, remedy)
+        return self
+
+    @model_validator(mode="after")
+    def _condition(self) -> Design:
+        if self.objective == "area" and self.component is not None:
+            got, remedy = "the tilt of a component has no area", 'give "sDA" or "worst month"'
+            raise InputError("design", "objective", got, remedy)
+        if self.objective == "area" and self.sda_least is None:
+            got = "the objective is the least area, of which nothing is asked"
+            raise InputError("design", "sda_least", got, "give the least sDA [%], sda_least = 55")
+        if self.objective != "area" and self.sda_least is not None:
+            got = f"the objective is {self.objective}"
+            raise InputError("design", "sda_least", got, 'leave it out, or give objective = "area"')
         return self
 
     @model_validator(mode="after")

@@ -128,6 +128,17 @@ def _saved(fresh: Result, output: Path) -> Result:
     return fresh
 
 
+def _nearest(optimum: Optimum) -> str:
+    """Say that no design holds the limits, and how near a least aim was come."""
+    hard, goal = optimum.best.hard, optimum.problem.goal
+    if not optimum.problem.holds_limits(hard):
+        return "no evaluated design holds all limits; this design comes nearest"
+    return (
+        f"sDA ≥ {goal.least.aim:g} % is not reached: the highest that holds the other limits is "
+        f"{hard.aim:.1f} %"
+    )
+
+
 def _print(optimum: Optimum, title: str, fresh: Result | None, areas: dict[str, float]) -> None:
     """Print metrics and areas [m²] of the best design, by the search and simulated afresh."""
     from drcmitsuba.design.measure import NAMES
@@ -146,6 +157,6 @@ def _print(optimum: Optimum, title: str, fresh: Result | None, areas: dict[str, 
             table.add_row(key, f"{values[0]:.3f}", "")
     show(table)
     if not optimum.is_feasible:
-        print("no evaluated design holds all limits; this design comes nearest")
+        print(_nearest(optimum))
     if not optimum.finished:
         print("stopped: this is the best design so far")

@@ -2,7 +2,8 @@
 
 - `parameters`: values with bounds and a start; `facade_maps`: from parameters to façades
 - `measure`: rating of a year, smooth and hard; `search`: step, history, loop and optimum
-- `layout`, `problem`, `optimise`, `realise`: the façade, from `[design]` to a case to be built;
+- `layout`, `goal`, `problem`, `optimise`, `realise`: the façade, from `[design]` to a case to be
+  built; `constraints`, `area_search`: parts of `optimise`, for the least area the last one;
   `model_layout`: the panes of a model; `facade_groups`: panes that close one by one
 - `cheapest_change`, `change`: the least change for the next level of a standard; `requirement`,
   `change_problem`, `change_search`, `composed_facades`, `present_facade`

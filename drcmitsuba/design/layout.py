@@ -21,9 +21,10 @@ from drcmitsuba.design import pictures
 from drcmitsuba.design.facade_maps import Panes, Strips, Window
 from drcmitsuba.design.facade_tiles import TiledLight, groups_of
 from drcmitsuba.design.facade_year import FacadeYear
+from drcmitsuba.design.goal import Goal, Minimised
 from drcmitsuba.design.optimise import FacadeOptimum, Search
 from drcmitsuba.design.parameters import Factor, Map, Parameter
-from drcmitsuba.design.problem import FacadeProblem, Goal
+from drcmitsuba.design.problem import FacadeProblem
 from drcmitsuba.design.realise import realise
 from drcmitsuba.metrics.evaluate_metrics import rules
 from drcmitsuba.model.materials import DiffuserMaterial, GlazingMaterial, check_energy
@@ -203,14 +204,9 @@ class Layout:
         fills = part >= 1 - 1e-6
         by_strips = self.design.parameters == "strips"
         area = (self.wwr[0] * wall, self.wwr[1] * wall) if by_strips and not fills else None
-        goal = Goal(
-            rules=rules(self.case, year.step_hours),
-            film=self.film,
-            aim=self.design.objective,
-            film_cost=self.design.film_cost,
-            ase_limit=self.design.ase_limit,
-            window_area=area,
-        )
+        of_case, frees_windows = rules(self.case, year.step_hours), self.wwr[0] < self.wwr[1]
+        of: Minimised = "panes" if frees_windows else "film"
+        goal = Goal.of(self.design, of_case, self.film, area, of)
         panes = Panes(year.tiles, year.materials, self.clear, self.film)
         facade = (
             self._strips(panes, 1.0 if fills else part) if by_strips else self._window(panes, wall)

@@ -41,6 +41,16 @@ class Score:
     aim: float
     ase: float
 
+    @property
+    def holds_aim(self) -> bool:
+        """Whether the aim is as high as it has to be; true where it is the objective."""
+        return True
+
+    @property
+    def rank(self) -> tuple[float, ...]:
+        """Sort key among designs that hold the limits of ASE and area: the objective."""
+        return (self.value,)
+
 
 @dataclass(frozen=True, eq=False)
 class RatedCandidate:
@@ -63,12 +73,13 @@ class RatedCandidate:
         """Sort key: the largest hard objective among the candidates that hold the constraints.
 
         These are a largest ASE [%] and an area of panes, by its deviation as a fraction. If no
-        candidate holds them, the least ASE among candidates with the required area. Equal
+        candidate holds them, the least ASE among candidates with the required area; then the
+        highest aim, where it has to reach a value. Equal
         candidates are ordered by the smooth objective at the highest sharpness, so that the search
         does not stop at the edge of a plateau of the hard metric.
         """
         over = 0.0 if ase_limit is None else max(self.hard.ase - ase_limit - ASE_TOLERANCE, 0.0)
-        return -area_error, -over, self.hard.value, self.sharpness, self.smooth.value
+        return -area_error, -over, *self.hard.rank, self.sharpness, self.smooth.value
 
 
 class RatedProblem:
@@ -82,6 +93,10 @@ class RatedProblem:
 
     def is_feasible(self, score: Any) -> bool:
         """True if a hard score holds the constraints."""
+        return score.holds_aim and self.holds_limits(score)
+
+    def holds_limits(self, score: Any) -> bool:
+        """True if a hard score holds the constraints on ASE and on the panes' area."""
         limit = self.goal.ase_limit
         holds_ase = limit is None or score.ase <= limit + ASE_TOLERANCE
         return holds_ase and self.area_error(score) == 0

@@ -25,11 +25,12 @@ from drcmitsuba.design import pictures
 from drcmitsuba.design.facade_maps import Panes, Strips
 from drcmitsuba.design.facade_tiles import TiledLight
 from drcmitsuba.design.facade_year import FacadeYear
+from drcmitsuba.design.goal import Goal, Minimised
 from drcmitsuba.design.model_openings import SearchedOpenings
 from drcmitsuba.design.model_windows import WindowArea, panes_of
 from drcmitsuba.design.optimise import FacadeOptimum, Search
 from drcmitsuba.design.parameters import Parameter
-from drcmitsuba.design.problem import FacadeProblem, Goal
+from drcmitsuba.design.problem import FacadeProblem
 from drcmitsuba.design.wall_picture import wall_picture
 from drcmitsuba.metrics.evaluate_metrics import rules
 from drcmitsuba.model.windows import COLUMNS, rows_of
@@ -119,14 +120,9 @@ class ModelLayout:
         panes = Panes(year.tiles, year.materials, self.openings.clear, self.film)
         if self.allowed is not None:
             window, area = self.allowed.parameter(panes.count), self.allowed.limits
-        goal = Goal(
-            rules=rules(self.case, year.step_hours),
-            film=self.film,
-            aim=self.design.objective,
-            film_cost=self.design.film_cost,
-            ase_limit=self.design.ase_limit,
-            window_area=area,
-        )
+        of_case = rules(self.case, year.step_hours)
+        of: Minimised = "panes" if area is not None and area[0] < area[1] else "film"
+        goal = Goal.of(self.design, of_case, self.film, area, of)
         film = Parameter("film", 0.0, 1.0, 0.5, panes.count)
         return FacadeProblem(year, Strips(panes, window, film), goal)
 

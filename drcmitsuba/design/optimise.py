@@ -5,6 +5,9 @@ differ, so each stage of the continuation shifts the limit by their difference a
 optimum is the best of all evaluations by the hard numbers. Hard numbers change in steps of one
 sensor, without gradients: if few values are free, a pattern search [2]_ by hard numbers follows.
 
+Where the least area is looked for, the aim is raised until a façade reaches its least value, and is
+a constraint like ASE from then on.
+
 References
 ----------
 .. [1] D. Kraft, "A software package for sequential quadratic programming", DFVLR-FB 88-28, 1988.
@@ -15,7 +18,7 @@ References
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -26,6 +29,8 @@ import pandas as pd
 from scipy.optimize import minimize
 
 from drcmitsuba.case.design import Design
+from drcmitsuba.design.area_search import FacadeHistory, lower_area
+from drcmitsuba.design.constraints import aim_constraint, area_constraints, ase_constraint
 from drcmitsuba.design.problem import FacadeCandidate, FacadeProblem
 from drcmitsuba.design.search import History, LocalSearch, Optimum, row, run
 from drcmitsuba.runtime import storage
@@ -40,7 +45,6 @@ PATTERN = (0.05, 0.02, 0.01)
 ROUNDS = 20
 """Largest number of rounds of the pattern with one length."""
 
-FacadeHistory: TypeAlias = History[FacadeProblem, FacadeCandidate]
 FacadeOptimum: TypeAlias = Optimum[FacadeProblem, FacadeCandidate]
 
 
@@ -134,6 +138,8 @@ def optimise(
         searches.append(partial(_continuation, f"start {i}", start, search, limit))
     if problem.size <= FEW:
         searches.append(pattern_search)
+    if problem.goal.least is not None:
+        searches.append(lower_area)
     return Optimum.of(History(problem), searches, progress)
 
 
@@ -176,7 +182,7 @@ def nondominated(
     problem: FacadeProblem, candidates: Sequence[FacadeCandidate]
 ) -> list[FacadeCandidate]:
     """Candidates of the required area that none beats in both objective and ASE, by rising ASE."""
-    kept = [c for c in candidates if problem.area_error(c.hard) == 0]
+    kept = [c for c in candidates if problem.area_error(c.hard) == 0 and c.hard.holds_aim]
     kept.sort(key=lambda c: (c.hard.ase, -c.hard.value, -c.sharpness))
     front: list[FacadeCandidate] = []
     for candidate in kept:
@@ -199,9 +205,10 @@ def _continuation(
     stage = partial(_stage, history, label, search.iterations, ase_limit)
     for i, k in enumerate(search.sharpness):
         x = stage(x, k)
-        beyond = ase_limit is not None and history.steps[-1].candidate.hard.ase > ase_limit
+        last = history.steps[-1].candidate.hard
+        beyond = (ase_limit is not None and last.ase > ase_limit) or not last.holds_aim
         if beyond and i + 1 == len(search.sharpness):
-            # The stage's start shifted the limit: once more, shifted by the stage's end.
+            # The stage's start shifted the limits: once more, shifted by the stage's end.
             stage(x, k)
         progress((i + 1) / len(search.sharpness))
 
@@ -221,54 +228,36 @@ def _stage(
             evaluated[key] = history.evaluate(inside, label, sharpness)
         return evaluated[key]
 
-    constraints = _area_constraints(history.problem.goal.window_area, at)
+    goal = history.problem.goal
+    raises_aim = goal.least is not None and not any(c.hard.holds_aim for c in history.candidates)
+    constraints = area_constraints(goal.window_area, at)
     if ase_limit is not None:
-        constraints.append(_ase_constraint(ase_limit, at, at(x)))
+        constraints.append(ase_constraint(ase_limit, at, at(x)))
+    if goal.least is not None and not raises_aim:
+        constraints.append(aim_constraint(goal.least.aim, at, at(x)))
+
+    def value(point: np.ndarray) -> float:
+        smooth = at(point).smooth
+        return -(smooth.aim if raises_aim else smooth.value) / 100
+
+    def slope(point: np.ndarray) -> Any:
+        gradient = at(point).aim_gradient if raises_aim else at(point).gradient
+        assert gradient is not None
+        return -gradient / 100
+
     with warnings.catch_warnings():
         # SLSQP warns of points outside the bounds by rounding; `at` clips them.
         warnings.simplefilter("ignore", RuntimeWarning)
         end = minimize(
-            lambda p: -at(p).smooth.value / 100,
+            value,
             x,
-            jac=lambda p: -at(p).gradient / 100,
+            jac=slope,
             method="SLSQP",
             bounds=[(0.0, 1.0)] * len(x),
             constraints=constraints,
             options={"maxiter": iterations, "ftol": 1e-5},
         )
     return at(end.x).x
-
-
-At = Callable[[np.ndarray], FacadeCandidate]
-
-
-def _area_constraints(area: tuple[float, float] | None, at: At) -> list[dict[str, Any]]:
-    """Constraints on the panes' area over its upper limit; one equality where both limits agree."""
-    if area is None:
-        return []
-    low, high = area
-    unit = max(high, 1e-9)
-
-    def edge(kind: str, sign: int, limit: float) -> dict[str, Any]:
-        return {
-            "type": kind,
-            "fun": lambda p: sign * (at(p).smooth.window_area - limit) / unit,
-            "jac": lambda p: sign * at(p).area_gradient / unit,
-        }
-
-    if low == high:
-        return [edge("eq", 1, low)]
-    return [edge("ineq", 1, low), edge("ineq", -1, high)]
-
-
-def _ase_constraint(limit: float, at: At, start: FacadeCandidate) -> dict[str, Any]:
-    """Constraint on the smooth ASE, whose limit is lowered by hard − smooth ASE at the start."""
-    shift = start.hard.ase - start.smooth.ase
-    return {
-        "type": "ineq",
-        "fun": lambda p: (limit - shift - at(p).smooth.ase) / 100,
-        "jac": lambda p: -at(p).ase_gradient / 100,
-    }
 
 
 def pattern_search(history: FacadeHistory, progress: Progress) -> None:
@@ -283,6 +272,6 @@ def pattern_search(history: FacadeHistory, progress: Progress) -> None:
                     if x[axis] != before.x[axis]:
                         history.evaluate(x, "pattern", before.sharpness)
             now = history.best()
-            if now.hard.value <= before.hard.value and now.hard.ase >= before.hard.ase:
+            if now.hard.rank <= before.hard.rank and now.hard.ase >= before.hard.ase:
                 break
         progress((i + 1) / len(PATTERN))

@@ -35,10 +35,9 @@ def front(
     figure = Figure(figsize=(7.6, 5.4), layout="constrained")
     ax = figure.add_subplot()
     goal = pareto.problem.goal
-    cost = ", less the film's cost" if goal.film_cost > 0 else ""
     ax.set_title("More daylight or less sun?", loc="left", weight="bold", fontsize=11)
     ax.set_xlabel("ASE, sensors in the sun for too long [%]")
-    ax.set_ylabel(f"{NAMES[goal.aim]}{cost} [%]")
+    ax.set_ylabel(f"{goal.title} [%]")
     everything = np.array([[c.hard.ase, c.hard.value] for c in pareto.history.candidates])
     if len(everything):
         ax.scatter(*everything.T, 6, color="#C8C8C8", zorder=1, linewidth=0, label="evaluated")

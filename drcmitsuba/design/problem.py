@@ -5,14 +5,20 @@ Objective and constraints of one composition, all in per cent:
     maximise   A − cost · (area of the film / area of the tiles)
     subject to ASE ≤ limit,  area of the panes given or within bounds
 
-with A the sDA or the msDA of the worst month, shade applied. The optimiser uses the smooth twins
-and their gradients by reverse mode; every candidate also has the hard numbers of `metrics`, and
-only these are reported.
+with A the sDA or the msDA of the worst month, shade applied. Where the area is the objective:
+
+    maximise   −100 % · (area of the panes / area of the tiles) − cost · …
+    subject to A ≥ least,  and as above
+
+or the film's area in place of the panes'.
+
+The optimiser uses the smooth twins and their gradients by reverse mode; every candidate also has
+the hard numbers of `metrics`, and only these are reported.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -22,51 +28,40 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.design.facade_year import FacadeYear
-from drcmitsuba.design.measure import (
-    Aim,
-    Measure,
-    RatedCandidate,
-    RatedProblem,
-    Score,
-)
+from drcmitsuba.design.goal import Goal
+from drcmitsuba.design.measure import Measure, RatedCandidate, RatedProblem, Score
 from drcmitsuba.design.parameters import Factor, Map, Parameter, Values
-from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.transport.elements.state_illuminances import Illuminances
 
 AREA_TOLERANCE = 2e-3
 """Largest tolerated deviation of the panes' area, as a fraction of the required area."""
-
-
-@dataclass(frozen=True)
-class Goal:
-    """Objective and constraints of a façade; aim, film cost and limit of ASE as in `[design]`.
-
-    Parameters
-    ----------
-    rules : Rules
-        Thresholds of the metrics and of the shade.
-    film : str
-        Material whose area has a cost.
-    window_area : (float, float), optional
-        Least and largest area of all panes together [m²], equal if the area is fixed; default: no
-        limits.
-    """
-
-    rules: Rules
-    film: str
-    aim: Aim = "sDA"
-    film_cost: float = 0.0
-    ase_limit: float | None = None
-    window_area: tuple[float, float] | None = None
+EQUAL = 1e-3
+"""Objectives within EQUAL are one where areas are compared: in single precision they differ [%]."""
 
 
 @dataclass(frozen=True)
 class FacadeScore(Score):
-    """One composition in numbers, with the areas of the film and of all panes [m²]."""
+    """One composition in numbers, with the areas of the film and of all panes [m²].
+
+    `margin` is how far a hard aim lies above the least one [%]; None without one.
+    """
 
     film_area: float
     window_area: float
+    margin: float | None = None
+
+    @property
+    def holds_aim(self) -> bool:
+        """Whether the aim is at least as high as it has to be."""
+        return self.margin is None or self.margin >= 0
+
+    @property
+    def rank(self) -> tuple[float, ...]:
+        """Sort key: objective; with a least aim, what lacks, then area, then what is left over."""
+        if self.margin is None:
+            return super().rank
+        return min(self.margin, 0.0), EQUAL * round(self.value / EQUAL), self.margin
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +74,8 @@ class FacadeCandidate(RatedCandidate):
         Composition.
     gradient, ase_gradient, area_gradient : np.ndarray, shape (free,)
         Derivatives of the smooth objective [%], the smooth ASE [%] and the panes' area [m²] by x.
+    aim_gradient : np.ndarray, shape (free,), optional
+        Derivatives of the smooth aim [%], where it is not the objective.
     """
 
     smooth: FacadeScore
@@ -87,6 +84,7 @@ class FacadeCandidate(RatedCandidate):
     gradient: np.ndarray
     ase_gradient: np.ndarray
     area_gradient: np.ndarray
+    aim_gradient: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -139,23 +137,30 @@ class FacadeProblem(RatedProblem):
     @property
     def start(self) -> np.ndarray:
         """Start, shape (free,): free values as fractions of their ranges, 0 to 1."""
-        return np.concatenate([np.full(p.count, p.start_fraction) for p in self.free])
+        return self._whole({})
 
     def films_by_height(self, at: np.ndarray) -> list[np.ndarray]:
         """Designs (free,) of single tiles: a film nowhere, everywhere, above, below, in the middle.
 
-        The tiles lie `at` heights (tile,) between the lowest edge, 0, and the highest, 1.
+        The tiles lie `at` heights (tile,) between the lowest edge, 0, and the highest, 1. Where the
+        windows' area is minimised, the same with the largest windows, of which an aim is likeliest.
         """
         films = (at > 2, at >= 0, at > 0.5, at < 0.5, np.abs(at - 0.5) < 1 / 6)
+        windows: list[float | None] = [None]
+        least, area = self.goal.least, self.goal.window_area
+        if least is not None and least.of == "panes" and area is not None:
+            windows.append(min(1.0, area[1] / float(self.year.tiles.area.sum())))
         return [
-            np.concatenate(
-                [
-                    film.astype(float) if p.key == "film" else np.full(p.count, p.start_fraction)
-                    for p in self.free
-                ]
-            )
+            self._whole({"film": film.astype(float)} | ({} if w is None else {"window": w}))
+            for w in windows
             for film in films
         ]
+
+    def _whole(self, fractions: Mapping[str, Any]) -> np.ndarray:
+        """Design (free,) of fractions of the ranges by key; other values are those of the start."""
+        return np.concatenate(
+            [np.full(p.count, fractions.get(p.key, p.start_fraction)) for p in self.free]
+        )
 
     def named(self, x: np.ndarray) -> dict[str, np.ndarray]:
         """Values of all parameters in their own units, each of shape (count,)."""
@@ -197,9 +202,10 @@ class FacadeProblem(RatedProblem):
         share, E = self.illuminance(self.values(free))
         window, film = self.window_area(share), self._area(share, self.goal.film)
         aim, ase = self.measure.smooth(E, sharpness)
-        value = aim - self._cost(film)
+        value = self._value(aim, film, window)
         numbers = [float(v[0]) for v in (value, aim, ase, film, window)]
-        slopes = gradients(free, (value, ase, window))
+        outputs = (value, ase, window) if self.goal.least is None else (value, ase, window, aim)
+        slopes = gradients(free, outputs)
         hard = self._hard(E, film=numbers[3], window=numbers[4])
         smooth = FacadeScore(*numbers)
         return FacadeCandidate(np.array(x, float), sharpness, smooth, hard, share.numpy(), *slopes)
@@ -240,11 +246,13 @@ class FacadeProblem(RatedProblem):
     def _hard(self, E: Illuminances, film: float, window: float) -> FacadeScore:
         """Hard score of illuminances E with areas of film and panes [m²]."""
         aim, ase = self.measure.hard(E)
-        return FacadeScore(aim - self._cost(film), aim, ase, film, window)
+        value = self._value(aim, film, window)
+        return FacadeScore(value, aim, ase, film, window, self.goal.margin(aim))
 
-    def _cost(self, film_area: Any) -> Any:
-        """Cost [%] of an area of film [m²]."""
-        return film_area * (self.goal.film_cost / float(self.year.tiles.area.sum()))
+    def _value(self, aim: Any, film: Any, window: Any) -> Any:
+        """Objective [%] of an aim [%] and areas of film and panes [m²]."""
+        tiles = float(self.year.tiles.area.sum())
+        return self.goal.value(aim, film * (1 / tiles), window * (1 / tiles))
 
     def window_area(self, share: mi.TensorXf) -> mi.Float:
         """Area of all panes [m²]."""

@@ -129,7 +129,7 @@ class TiltProblem(RatedProblem):
         tilt = Parameter("tilt", low, high, min(max(now, low), high))
         for end in design.tilt:
             components.place(_tilted(case, design.component, end))
-        goal = TiltGoal(design.objective, design.ase_limit)
+        goal = TiltGoal(design.aim, design.ase_limit)
         with stage("sky"):
             daylight = daylight_of(case)
         return cls(case, design.component, daylight, goal, tilt, design.tilt_step)

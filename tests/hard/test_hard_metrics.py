@@ -15,9 +15,10 @@ from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.design.facade_maps import Panes, Strips, Window
 from drcmitsuba.design.film import ParametricFilm
 from drcmitsuba.design.film_bins import FilmBins
+from drcmitsuba.design.goal import Goal
 from drcmitsuba.design.measure import Measure
 from drcmitsuba.design.parameters import Parameter
-from drcmitsuba.design.problem import FacadeProblem, Goal
+from drcmitsuba.design.problem import FacadeProblem
 from drcmitsuba.design.reflectances import Interior
 from drcmitsuba.metrics import evaluate_metrics, illuminance, intervals, smooth
 from drcmitsuba.metrics.coefficients_by_state import Coefficients

@@ -150,6 +150,35 @@ def test_the_search_finds_what_it_finds_in_the_room_of_boxes(tmp_path):
         assert a.hard.value > problem.evaluate(problem.start, 8.0).hard.value
 
 
+ONE_TILE = {"rows = 2": "rows = 1", "segments = 2": "segments = 1", "[0.2, 0.4]": "[0.02, 0.6]"}
+LEAST = 'objective = "area"\nsda_least = 55\n'
+
+
+@pytest.mark.parametrize(("kind", "tables"), [(ModelLayout, MODEL), (Layout, ROOM)])
+def test_the_least_area_of_windows_is_that_of_a_sweep(tmp_path, kind, tables):
+    """One tile, by its shares of window and film: the least window with which any film does."""
+    case_of(tmp_path, tables)
+    text = (tmp_path / "case.toml").read_text().replace("[design]\n", "[design]\n" + LEAST)
+    for old, new in ONE_TILE.items():
+        text = text.replace(old, new)
+    (tmp_path / "case.toml").write_text(text)
+    layout = kind.of(drcmitsuba.load_case(tmp_path / "case.toml"))
+    problem = layout.problem(layout.year())
+    assert (problem.size, problem.goal.least.of) == (2, "panes")
+    best = optimise(problem, layout.search, known=layout.known(problem)).best
+    assert problem.holds(best)
+    step, tile = 0.04, problem.year.tiles.area.sum()
+    films = np.linspace(0, 1, 11)
+    for window in np.arange(0, 1 + step, step):
+        shares = np.array([(1 - window, window * (1 - f), window * f) for f in films])
+        scores = [problem.hard(np.pad(s[None], ((0, 0), (0, len(problem.year.materials) - 3))))
+                  for s in shares]  # fmt: skip
+        if any(problem.is_feasible(score) for score in scores):
+            break
+    assert (window - step) * tile < best.hard.window_area <= window * tile * (1 + 1e-5)
+    assert 0.1 < window < 0.9
+
+
 def test_shares_are_windows_that_are_drawn(simulated):
     layout, light, daylight = simulated
     compare_with_windows(layout, FacadeYear.of(light, daylight))

@@ -17,9 +17,10 @@ from drcmitsuba.design.change_search import least_change
 from drcmitsuba.design.cheapest_change import cheapest_change, cheapest_changes
 from drcmitsuba.design.composed_facades import Facades
 from drcmitsuba.design.facade_maps import Panes, Strips, Window
+from drcmitsuba.design.goal import Goal
 from drcmitsuba.design.optimise import Search
 from drcmitsuba.design.parameters import Parameter
-from drcmitsuba.design.problem import FacadeProblem, Goal
+from drcmitsuba.design.problem import FacadeProblem
 from drcmitsuba.design.requirement import Requirement
 from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.runtime import backend

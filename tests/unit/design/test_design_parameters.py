@@ -9,8 +9,9 @@ import pytest
 
 from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.design.facade_maps import Edges, Panes, Strips, Window
+from drcmitsuba.design.goal import Goal
 from drcmitsuba.design.parameters import Factor, Parameter, inward
-from drcmitsuba.design.problem import FacadeProblem, Goal
+from drcmitsuba.design.problem import FacadeProblem
 from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from itertools import product
 
 import mitsuba as mi
 import numpy as np
@@ -9,13 +10,15 @@ import pandas as pd
 import pytest
 
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.design import Design
 from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.design import pictures
 from drcmitsuba.design.facade_maps import Panes, Strips, Window
+from drcmitsuba.design.goal import Goal, LeastArea
 from drcmitsuba.design.layout import Layout
 from drcmitsuba.design.optimise import Search, optimise, pareto
 from drcmitsuba.design.parameters import Parameter
-from drcmitsuba.design.problem import FacadeProblem, Goal
+from drcmitsuba.design.problem import FacadeProblem
 from drcmitsuba.design.realise import realise
 from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.runtime import backend
@@ -110,6 +113,34 @@ def test_36_tiles_of_their_own_beat_every_named_composition(year):
         gain[name] = optimum.best.hard.value - score.value
     assert gain.pop("all") >= 0  # film everywhere is all that has no sun
     assert min(gain.values()) > 5
+
+
+def test_the_least_windows_are_less_than_all_of_whole_tiles():
+    """Four tiles that are wall, glass or film: 81 façades, of which some do."""
+    year = SyntheticYear(Tiles.grid(2, 2), time=60, grid=(4, 6))
+    window = Parameter("window", 0.0, 1.0, 0.5, 4)
+    problem = by_strips(year, window, ase_limit=40.0, least=LeastArea("panes", 50.0))
+    tiles = product(np.eye(4)[:3], repeat=4)
+    scores = [score for share in tiles if problem.is_feasible(score := problem.hard(share))]
+    assert 2 < len(scores) < 80
+    best = optimise(problem, Search(starts=1, sharpness=(8.0, 16.0)), known=[np.ones(8)]).best
+    assert problem.holds(best)
+    assert best.hard.value > max(score.value for score in scores) + 1
+    for tile in range(4):  # each is needed as it is
+        for part in (0.0, 0.98):
+            share = best.share.copy()
+            share[tile, 1:3] *= part
+            share[tile, 0] = 1 - share[tile, 1:3].sum()
+            less = problem.hard(share)
+            assert not (problem.is_feasible(less) and less.value > best.hard.value + 0.01)
+
+
+def test_the_front_of_the_least_area_has_no_facade_below_the_least_sda(year):
+    problem = by_window(year, ase_limit=60.0, least=LeastArea("film", 60.0))
+    search = Search(starts=1, sharpness=(8.0,), iterations=6)
+    front = pareto(optimise(problem, search), [30.0, 60.0], search)
+    assert front.points
+    assert min(point.hard.aim for point in front.points) >= 60
 
 
 def test_what_is_known_is_never_lost(year):
@@ -402,6 +433,10 @@ def test_strips_are_tried_first_as_a_designer_would(year):
          "[low, high]"),
         ({"rows": 3, "row_height": 0.1}, "design.row_height: rows are given too; give one of them"),
         ({"wwr": [0.6, 0.2]}, "design.wwr: 0.6 to 0.2; give the lower value first"),
+        ({"objective": "area"}, "design.sda_least: the objective is the least area, of which "
+         "nothing is asked; give the least sDA [%], sda_least = 55"),
+        ({"sda_least": 55}, "design.sda_least: the objective is sDA; leave it out, or give "
+         'objective = "area"'),
         ({"starts": 0}, "design.starts: got 0; input should be greater than or equal to 1"),
         ({"strips": 3}, "design.strips: unknown key; remove it"),
     ],
@@ -410,6 +445,15 @@ def test_a_wrong_design_is_refused_with_a_remedy(design, line):
     with pytest.raises(InputError) as caught:
         case(**design)
     assert str(caught.value) == f"room.toml: {line}"
+
+
+def test_a_tilt_has_no_area():
+    tables = {"component": "lamellae", "objective": "area", "sda_least": 55}
+    with pytest.raises(InputError, match="sda_least: the tilt of a component is searched"):
+        checked(Design, tables, "room.toml")
+    del tables["sda_least"]
+    with pytest.raises(InputError, match="objective: the tilt of a component has no area; give"):
+        checked(Design, tables, "room.toml")
 
 
 def test_a_design_that_cannot_be_is_refused():
