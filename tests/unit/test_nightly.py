@@ -2,6 +2,8 @@
 
 from types import SimpleNamespace
 
+import pytest
+
 from tests.validation import nightly
 
 
@@ -25,9 +27,13 @@ def test_a_row_is_a_test_with_all_of_its_cases(tmp_path):
     assert nightly.known(tmp_path / "none.md") == {}
 
 
-def test_the_run_ends_when_its_time_is_over():
-    session = SimpleNamespace(shouldstop=False)
+@pytest.mark.parametrize("workers", [None, SimpleNamespace(shouldstop=False)])
+def test_the_run_ends_when_its_time_is_over(workers):
+    """With workers (xdist) it is they who are told."""
+    manager = SimpleNamespace(getplugin={"dsession": workers}.get)
+    config = SimpleNamespace(pluginmanager=manager)
+    session = SimpleNamespace(shouldstop=False, config=config)
     recorder = nightly.Recorder(deadline=0.0)
     recorder.pytest_sessionstart(session)
     recorder.pytest_runtest_logreport(report("tests/unit/test_a.py::test_b"))
-    assert session.shouldstop == "the time is over"
+    assert (workers or session).shouldstop == "the time is over"

@@ -56,7 +56,8 @@ class Recorder:
         if report.when == "call" or report.outcome != "passed":
             self.ends[test].append(report.outcome)
         if time.monotonic() > self.deadline and self.session is not None:
-            self.session.shouldstop = "the time is over"
+            workers = self.session.config.pluginmanager.getplugin("dsession")
+            (workers or self.session).shouldstop = "the time is over"
 
     def row(self, test: str, cases: int, run: str) -> tuple[str, str, str] | None:
         """Result, seconds and run of a test; None where not all of its cases were run."""
