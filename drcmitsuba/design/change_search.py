@@ -20,6 +20,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from drcmitsuba.design.change_problem import ChangeCandidate, ChangeProblem, Slopes
+from drcmitsuba.design.constraints import area_constraints
 from drcmitsuba.design.optimise import FEW, Search
 from drcmitsuba.design.search import History, LocalSearch, Optimum
 from drcmitsuba.runtime.progress import Progress
@@ -206,23 +207,11 @@ class _Stage:
         )
 
     def _window_area(self) -> list[dict[str, Any]]:
-        """Constraints on the panes' area; one equality where both limits agree."""
-        area = self._history.problem.facade.goal.window_area
-        if area is None:
-            return []
-        low, high = area
-        unit = max(high, 1e-9)
-
-        def edge(kind: str, sign: int, limit: float) -> dict[str, Any]:
-            return {
-                "type": kind,
-                "fun": lambda p: sign * (self._at(p).window_area - limit) / unit,
-                "jac": lambda p: sign * self._slopes(p).window / unit,
-            }
-
-        if low == high:
-            return [edge("eq", 1, low)]
-        return [edge("ineq", 1, low), edge("ineq", -1, high)]
+        """Constraints on the panes' area."""
+        limits = self._history.problem.facade.goal.window_area
+        return area_constraints(
+            limits, lambda p: self._at(p).window_area, lambda p: self._slopes(p).window
+        )
 
     def _margins(self, x: np.ndarray) -> np.ndarray:
         return self._slopes(x).margins + self._shift

@@ -17,18 +17,25 @@ At = Callable[[np.ndarray], FacadeCandidate]
 """Evaluates x (free,)."""
 
 
-def area_constraints(area: tuple[float, float] | None, at: At) -> list[dict[str, Any]]:
-    """Constraints on the panes' area over its upper limit; one equality where both limits agree."""
-    if area is None:
+def area_constraints(
+    limits: tuple[float, float] | None,
+    area: Callable[[np.ndarray], float],
+    slope: Callable[[np.ndarray], np.ndarray],
+) -> list[dict[str, Any]]:
+    """Constraints on the panes' area over its upper limit; one equality where both limits agree.
+
+    `area` [m²] and its `slope` (free,) are functions of x (free,).
+    """
+    if limits is None:
         return []
-    low, high = area
+    low, high = limits
     unit = max(high, 1e-9)
 
     def edge(kind: str, sign: int, limit: float) -> dict[str, Any]:
         return {
             "type": kind,
-            "fun": lambda p: sign * (at(p).smooth.window_area - limit) / unit,
-            "jac": lambda p: sign * at(p).area_gradient / unit,
+            "fun": lambda p: sign * (area(p) - limit) / unit,
+            "jac": lambda p: sign * slope(p) / unit,
         }
 
     if low == high:

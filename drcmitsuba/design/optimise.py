@@ -230,7 +230,9 @@ def _stage(
 
     goal = history.problem.goal
     raises_aim = goal.least is not None and not any(c.hard.holds_aim for c in history.candidates)
-    constraints = area_constraints(goal.window_area, at)
+    constraints = area_constraints(
+        goal.window_area, lambda p: at(p).smooth.window_area, lambda p: at(p).area_gradient
+    )
     if ase_limit is not None:
         constraints.append(ase_constraint(ase_limit, at, at(x)))
     if goal.least is not None and not raises_aim:

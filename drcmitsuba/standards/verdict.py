@@ -93,7 +93,7 @@ class Verdict:
     """Duties of spaces."""
     notes: tuple[str, ...]
     conditions: tuple[str, ...] = ()
-    """What the case lacks of the standard's terms, so that the level is of another façade."""
+    """Terms of the standard that the case lacks, so that the level is that of another façade."""
     taken: tuple[str, ...] = ()
     """Hours and points that the standard takes in place of the case's own."""
 

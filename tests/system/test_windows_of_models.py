@@ -212,7 +212,7 @@ def compare_with_windows(layout, year):
 
 
 def test_gradients_are_differences(simulated):
-    """Of the year's mean E, shade open and closed, by the shares of window and film, to 0.1 %."""
+    """Derivatives of the mean E by the shares of window and film are right to 0.1 %."""
     layout, light, daylight = simulated
     problem = layout.problem(FacadeYear.of(light, daylight))
     x = np.random.default_rng(1).uniform(0.2, 0.8, problem.size)
