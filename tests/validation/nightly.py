@@ -122,7 +122,8 @@ def main() -> None:
     every = Collected()
     pytest.main([*quiet, "-qq", *slow, "-n", "0", "--collect-only", str(ROOT / "tests")], [every])
     recorder = Recorder(time.monotonic() + 60 * asked.minutes)
-    code = pytest.main([*quiet, *slow, *asked.paths], [recorder])
+    few_ahead = ["--dist", "load", "--maxschedchunk", "1"]  # workers end what they were given
+    code = pytest.main([*quiet, *slow, *few_ahead, *asked.paths], [recorder])
     run, before = datetime.date.today().isoformat(), known(PAGE)
     rows = {
         test: recorder.row(test, cases, run) or before.get(test, NOT_RUN)
