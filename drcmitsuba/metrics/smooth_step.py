@@ -97,8 +97,8 @@ def share(
         return mi.Float(100.0)
     passed = step(stamps, required - 0.5, sharpness).array
     if weights is None:
-        return 100 * dr.mean(passed)
-    return 100 * dr.sum(passed * mi.Float(weights / np.sum(weights)))
+        return 100 * mi.Float(dr.mean(mi.Float64(passed)))
+    return 100 * mi.Float(dr.sum(mi.Float64(passed) * mi.Float64(weights / np.sum(weights))))
 
 
 def monthly_share(
@@ -121,4 +121,5 @@ def monthly_share(
     # Where no stamp is required, every sensor passes: a threshold far below any count.
     need = np.where(least > 0, least - 0.5, SMALLEST).astype(np.float32)[:, None]
     free = mi.TensorXf((least == 0).astype(np.float32)[:, None])
-    return 100 * dr.mean(step(stamps + free, mi.TensorXf(need), sharpness), axis=1)
+    reached = step(stamps + free, mi.TensorXf(need), sharpness)
+    return 100 / E.shape[1] * total(reached, axis=1)

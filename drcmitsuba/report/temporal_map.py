@@ -107,8 +107,9 @@ def _labels(days: np.ndarray) -> tuple[np.ndarray, list[str]]:
     """Columns and texts of the labels: first days of the months, or single days."""
     months = days.astype("datetime64[M]")
     if len(days) > SHORT:
-        at = np.flatnonzero(np.diff(months, prepend=months[0] - 1))
-        return at, [MONTHS[int(m) % 12] for m in months[at].astype(int)]
+        numbers = months.astype(int)  # since January 1970
+        at = np.flatnonzero(np.diff(numbers, prepend=numbers[0] - 1))
+        return at, [MONTHS[int(m) % 12] for m in numbers[at]]
     at = np.arange(0, len(days), -(-len(days) // MOST_LABELS))
     names = (str(day).split("-") for day in days[at])
     return at + 0.5, [f"{int(day)} {MONTHS[int(month) - 1]}" for _, month, day in names]

@@ -18,6 +18,8 @@ LEAST = 16 << 20
 """Space on the disk below which kernels are not kept [bytes]; an evaluation writes 1 MiB."""
 NOWHERE = str(Path(os.devnull) / "kernels")
 """Place that cannot be made, by which Dr.Jit keeps no kernels."""
+OF_THE_DRIVER = "OPTIX_CACHE_MAXSIZE"
+"""Variable that, at 0, keeps a GPU's driver from a database there, which it could not make."""
 
 
 def kernel_folder() -> Path | None:
@@ -58,6 +60,7 @@ def check() -> str:
     if not why:
         return ""
     os.environ[VARIABLE] = NOWHERE
+    os.environ[OF_THE_DRIVER] = "0"
     return (
         f"kernels are compiled in each run, since they cannot be kept: {why}; free space, or set "
         f"{VARIABLE} to a folder of your own"

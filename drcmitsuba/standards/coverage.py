@@ -107,7 +107,8 @@ def clearest_hours(sky: xr.Dataset, step_hours: float, source: object) -> np.nda
     for i, moment in enumerate(MOMENTS):
         for k, (month, date) in enumerate(EQUINOXES):
             equinox = time[0].astype("datetime64[Y]").astype("datetime64[M]")
-            equinox = (equinox + month - 1).astype("datetime64[D]") + date - 1
+            equinox = (equinox + np.timedelta64(month - 1, "M")).astype("datetime64[D]")
+            equinox += np.timedelta64(date - 1, "D")
             near = np.abs(day - equinox) <= np.timedelta64(NEAR, "D")
             here = np.flatnonzero(near & (hour >= moment) & (hour < moment + step_hours))
             if len(here) != 2 * NEAR + 1:

@@ -216,5 +216,6 @@ def test_mesh_of_many_triangles(holds, tmp_path, rings):
     # The middle of a chord lies r (1 − cos) below its arc; twice, for both axes. Float32: 2e-6 m.
     holds("rays meet it at its radius [m]", report["off"],
           2 * 0.5 * (1 - np.cos(np.pi / rings / 2)) + 4e-6)  # fmt: skip
-    holds("peak of memory less 300 MiB, over a triangle [bytes]",
-          max(report["peak"] - 300 * MIB, 0) / count, 1000)  # fmt: skip
+    itself = 400 if backend.cuda_available() else 300  # the process, with a GPU's driver
+    holds(f"peak of memory less {itself} MiB, over a triangle [bytes]",
+          max(report["peak"] - itself * MIB, 0) / count, 1000)  # fmt: skip

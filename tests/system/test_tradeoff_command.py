@@ -49,8 +49,8 @@ def few_settings(monkeypatch):
 
 def test_a_table_and_a_picture(run, case, tmp_path, few_settings):
     """A busy machine may not reach every setting; the table says which."""
-    code, out, _ = run("tradeoff", case, "-o", tmp_path / "t", "--minutes", 0.2)
-    assert code == 0
+    code, out, err = run("tradeoff", case, "-o", tmp_path / "t", "--minutes", 0.2)
+    assert code == 0, err
     assert {f.name for f in (tmp_path / "t").iterdir()} == {"tradeoff.csv", "tradeoff.png"}
     table = pd.read_csv(tmp_path / "t" / "tradeoff.csv").set_index("setting")
     assert set(table.index) == {"reference", "default, yours", "samples × 1/8", "spacing × 2"}

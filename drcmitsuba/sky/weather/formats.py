@@ -142,7 +142,7 @@ def _wea_time(hour: Sequence[str], table: NumberedRows) -> tuple[np.ndarray, flo
         step = 60
     stamps = record.START + at.astype("timedelta64[m]")
     hours_alone = step == 60 and (at % 60 == at[:1] % 60).all()
-    wrong = (gaps <= 0) | (same_day & (gaps != step) & ~hours_alone)
+    wrong = (gaps <= 0) | (same_day & (gaps != step) & (not hours_alone))
     if wrong.any():
         row = int(np.argmax(wrong)) + 1
         got = f"{record.stamp(stamps[row])} after {record.stamp(stamps[row - 1])}"

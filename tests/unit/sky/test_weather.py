@@ -483,4 +483,4 @@ def test_damage_is_refused_or_harmless(tmp_path, suffix, at, length, noise):
     except InputError:
         return
     assert np.isfinite(read.data.dni).all()
-    assert (np.diff(read.data.time) > np.timedelta64(0)).all()
+    assert (np.diff(read.data.time) > np.timedelta64(0, "ns")).all()

@@ -148,7 +148,7 @@ def test_squares_reach_neither_beyond_walls_nor_to_a_neighbours_centre():
     case = Case.model_validate({**ROOM, "materials": {}, "facade": {}})
     points = np.array([[0.05, 2, 0.8], [1, 1, 0.8], [1.2, 1, 0.8], [3, 3, 0.8], [3, 3, 1.2]])
     squares = Squares.of(scenes.load(case), points, np.tile(Z, (5, 1)), 0.3)
-    np.testing.assert_allclose(squares.edge, [0.1, 0.2, 0.2, 0.3, 0.3], atol=1e-9)
+    np.testing.assert_allclose(squares.edge, [0.1, 0.2, 0.2, 0.3, 0.3], rtol=1e-6)
     assert len(squares.planes) == 2
 
 
