@@ -12,7 +12,14 @@ from drcmitsuba.runtime.errors import InputError
 
 @dataclass(frozen=True)
 class Rule:
-    """Rule by which glare sources are found and rated; the defaults are those of `evalglare`."""
+    """Rule by which glare sources are found and rated; the defaults are those of `evalglare`.
+
+    Examples
+    --------
+    >>> from drcmitsuba.glare_year import Rule
+    >>> float(Rule().dgp(3000.0, 0.0).round(3))
+    0.335
+    """
 
     threshold: float = 2000.0
     """Luminance above which pixels are bright [cd/m²], or up to 100 a multiple of the mean

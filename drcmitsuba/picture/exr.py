@@ -97,6 +97,17 @@ def save(
         pictures, the power of two with which the largest value is below 32,768.
     error : np.ndarray, shape (row, column), optional
         Standard error of the luminance [cd/m²], for a channel `error` in the same units.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from drcmitsuba import picture
+    >>> from drcmitsuba.picture import exr
+    >>> grey = picture.Picture(np.full((4, 6, 3), 500, np.float32))
+    >>> exr.save(grey, Path("grey.exr"), pixels="half")
+    >>> float(exr.read(Path("grey.exr")).luminance[0, 0])
+    500.0
     """
     openexr = _package()
     white, rgb = 1.0, np.ascontiguousarray(picture.rgb, np.float32)

@@ -61,6 +61,17 @@ def save(picture: Picture, file: Path, exposure: float = 1.0) -> None:
     exposure : float
         Factor by which the values are multiplied, which the header states [–]. Viewers that do not
         tone-map show white at 1, which is 179 cd/m² over the exposure.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from drcmitsuba import picture
+    >>> from drcmitsuba.picture import hdr
+    >>> grey = picture.Picture(np.full((4, 6, 3), 500, np.float32))
+    >>> hdr.save(grey, Path("grey.hdr"), exposure=0.1)
+    >>> hdr.read(Path("grey.hdr")).exposure
+    0.1
     """
     if not 1e-15 <= exposure <= LARGEST:
         raise InputError("picture", "exposure", f"{exposure}", f"give 1e-15 to {LARGEST:g}")

@@ -118,6 +118,7 @@ def read(raw: bytes, file: Path) -> HdrHeader:
     if not (factors.min() > 1e-30 and factors.max() < 1e30):
         raise InputError(file, "EXPOSURE", f"{exposure:g} in all", "give 1e-30 to 1e30")
     view = from_options(" ".join(views), file, view_line) if views else None
+    exposure = float(exposure)
     return HdrHeader(form, view, exposure, correction, primaries, captured, resolution, last + 1)
 
 

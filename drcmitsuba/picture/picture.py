@@ -31,6 +31,14 @@ class Picture:
     ------
     InputError
         The array has another shape than (row, column, 3), or a value is not finite or too large.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from drcmitsuba import picture
+    >>> red = picture.Picture(np.full((4, 6, 3), (300, 0, 0), np.float32))
+    >>> bool(red.luminance[0, 0] < 100)  # red is a fourth of a white's luminance
+    True
     """
 
     rgb: np.ndarray

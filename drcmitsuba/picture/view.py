@@ -36,6 +36,13 @@ class PictureView:
     InputError
         The kind is unknown, a vector has no length, up is along the direction, or an angle is too
         large for the kind.
+
+    Examples
+    --------
+    >>> from drcmitsuba import picture
+    >>> eye = picture.PictureView("equidistant", (0, 1, 0), position=(2.0, 1.0, 1.2))
+    >>> eye.options()
+    '-vta -vp 2 1 1.2 -vd 0 1 0 -vu 0 0 1 -vh 180 -vv 180 -vs 0 -vl 0'
     """
 
     kind: str

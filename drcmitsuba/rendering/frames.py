@@ -68,6 +68,14 @@ def frames(
     InputError
         As `prepare`; a time is no instant of the weather; the state is `applied`, and the case has
         no shade; or the target or its time is unfit.
+
+    Examples
+    --------
+    >>> from drcmitsuba import rendering
+    >>> times = ("03-20 10:00", "03-20 15:00")
+    >>> shown = list(rendering.frames("desk.toml", "desk", times, size=16))
+    >>> [frame.picture.luminance.shape for frame in shown]
+    [(16, 16), (16, 16)]
     """
     if not isinstance(case, Case):
         case = load_case(case)

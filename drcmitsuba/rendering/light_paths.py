@@ -47,7 +47,14 @@ DRAWN = 32
 
 @dataclass(frozen=True)
 class Sampling:
-    """Numbers of rays of a picture."""
+    """Numbers of rays of a picture.
+
+    Examples
+    --------
+    >>> from drcmitsuba import rendering
+    >>> rendering.Sampling(samples=10, sky=32).rounded(replicates=4).samples
+    12
+    """
 
     samples: int = 8
     """Rays from the eye in each pixel, a multiple of the number of replicates."""

@@ -299,6 +299,13 @@ def prepare(
     ------
     InputError
         The view, the size, a material or the geometry is unfit.
+
+    Examples
+    --------
+    >>> from drcmitsuba import rendering
+    >>> desk = rendering.prepare("desk.toml", "desk", size=16)
+    >>> [desk.at(time).picture.luminance.shape for time in ("03-20 10:00", "06-21 10:00")]
+    [(16, 16), (16, 16)]
     """
     if not isinstance(case, Case):
         case = load_case(case)

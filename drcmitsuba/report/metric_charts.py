@@ -55,6 +55,13 @@ def monthly(
     -------
     Figure
         Error bars and light bands are 95 % intervals.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> from drcmitsuba.report import plots
+    >>> result = drcmitsuba.evaluate("office.toml")
+    >>> figure = plots.monthly(result.metrics, title="office", shade=False)
     """
     figure = Figure(figsize=(9.6, 4.3))
     year, months = figure.subplots(1, 2, width_ratios=[1, 2.6])
@@ -108,6 +115,13 @@ def season(
     -------
     Figure
         Light bands are 95 % intervals.
+
+    Examples
+    --------
+    >>> from drcmitsuba.report import plots
+    >>> clear = [{"value": m, "low": m - 2.0, "high": m + 2.0} for m in range(40, 100, 5)]
+    >>> months = {"design": clear, "clear": clear, "opening": clear}
+    >>> figure = plots.season("office", **months, relative=[100.0] * 12)
     """
     figure = Figure(figsize=(9.6, 4.3))
     ax, share = figure.subplots(1, 2, width_ratios=[1.5, 1])

@@ -139,6 +139,14 @@ def sky_dome(
         `collections[0]` holds the ground, a ring, and the patches; the last one the suns that send
         something, above white dots; grey ones send nothing. The distance from the centre is that
         from the zenith over 90°.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> from drcmitsuba.report import plots
+    >>> point = drcmitsuba.lights("office.toml", [(3.0, 1.0)]).dataset.isel(sensor=0, state=0)
+    >>> sent = point["by_window"].sum(["window", "bounces"]) / point["solid_angle"]
+    >>> axes = plots.sky_dome(sent, point["direction"], title="what lights the point")
     """
     is_new = ax is None
     ax = new_axes((6.0, 5.4)) if ax is None else ax

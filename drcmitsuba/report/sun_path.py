@@ -57,6 +57,14 @@ def sun_path(
     ------
     InputError
         `closed` has other dims than `time`, or no time stamps.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> from drcmitsuba.report import plots
+    >>> from drcmitsuba.report.year_figures import site_of
+    >>> E = drcmitsuba.evaluate("office.toml").illuminance
+    >>> axes = plots.sun_path(E["shade_closed"], site_of("office", E), title="office")
     """
     if closed.dims != ("time",) or "time" not in closed.coords or closed.size == 0:
         dims = ", ".join(f"{dim}: {size}" for dim, size in closed.sizes.items())

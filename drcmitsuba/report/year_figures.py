@@ -61,6 +61,14 @@ def year_figures(
     ------
     InputError
         No sensor stands near a point or on the line, or there are too many points.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> from drcmitsuba.report.year_figures import year_figures
+    >>> result = drcmitsuba.evaluate("office.toml")
+    >>> sorted(year_figures(result.case, result.illuminance, result.metrics))
+    ['illuminance_mountain.png', 'illuminance_section.png', 'illuminance_year.png', 'sun_path.png']
     """
     E = luminance(illuminance["total"]).assign_attrs(units="lx", long_name="illuminance")
     shade = ", shade applied" if has_shade(case, illuminance) else ""
@@ -99,6 +107,13 @@ def site_of(name: str, illuminance: xr.Dataset) -> Site | None:
     ------
     InputError
         There is no such place on earth.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> from drcmitsuba.report.year_figures import site_of
+    >>> site_of("office", drcmitsuba.evaluate("office.toml").illuminance).latitude
+    36.1
     """
     most = {"latitude": 90.0, "longitude": 360.0, "timezone": 24.0}
     if not set(most) <= set(illuminance.attrs):

@@ -84,6 +84,18 @@ class CieSky:
     divides by 203 (sky) and 208 lm/W (sun), they are 0.88 and 0.86 of the kcd/m² in the
     formulas. Where the sun's centre is below the horizon the sky is black. gensky's blend of sky
     and ground within some degrees of the horizon is left out.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import numpy as np
+    >>> from drcmitsuba import sky
+    >>> weather = drcmitsuba.weather.default()
+    >>> times = np.array(["2015-03-20T09", "2015-03-20T12"], "datetime64[ns]")
+    >>> sun = sky.sun_position(times, 1.0, weather.site)
+    >>> L = sky.radiance(weather.data.sel(time=times), sun, model=sky.CieSky("overcast"))
+    >>> bool((L["sky"] > 0).all())
+    True
     """
 
     kind: int | str

@@ -121,6 +121,18 @@ class Perez:
     gradation diverges at the horizon and has no mean; patch means then take b = 0. Centre values
     keep b, as `gendaymtx` does. The sun's zenith is kept within ZENITH_LIMITS, so twilight with a
     diffuse irradiance has the glow of a sun on the horizon.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import numpy as np
+    >>> from drcmitsuba import sky
+    >>> weather = drcmitsuba.weather.default()
+    >>> times = np.array(["2015-03-20T09", "2015-03-20T12"], "datetime64[ns]")
+    >>> sun = sky.sun_position(times, 1.0, weather.site)
+    >>> L = sky.radiance(weather.data.sel(time=times), sun, model=sky.Perez())
+    >>> bool((L["sky"] > 0).all())
+    True
     """
 
     patch_values: PatchValues = PATCH_MEANS

@@ -49,6 +49,18 @@ class Sunshine:
     References
     ----------
     .. [1] C. Bauer, S. Wittkopf, "Annual daylight simulations with EvalDRC", 2015, section 3.2 b.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> import numpy as np
+    >>> from drcmitsuba import sky
+    >>> weather = drcmitsuba.weather.default()
+    >>> times = np.array(["2015-03-20T09", "2015-03-20T12"], "datetime64[ns]")
+    >>> sun = sky.sun_position(times, 1.0, weather.site)
+    >>> L = sky.radiance(weather.data.sel(time=times), sun, model=sky.Sunshine((0.4,) * 12))
+    >>> bool((L["sky"] > 0).all())
+    True
     """
 
     probability: tuple[float, ...]

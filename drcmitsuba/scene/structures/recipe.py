@@ -198,6 +198,12 @@ def load_recipe(path: str | Path) -> Recipe:
     ------
     InputError
         The file is missing, is no TOML, has an unknown key or a value out of range.
+
+    Examples
+    --------
+    >>> from drcmitsuba import goniophotometer
+    >>> goniophotometer.load_recipe("lamellae.toml").structure.period
+    40.0
     """
     file = Path(path)
     data = read_toml(file, MAX_BYTES)
