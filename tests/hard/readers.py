@@ -29,7 +29,7 @@ def read_weather(path: Path) -> None:
     for name in ("dni", "dhi"):
         assert (file.data[name].values >= 0).all()
         assert np.isfinite(file.data[name].values).all()
-    assert (np.diff(file.data["time"].values) > np.timedelta64(0)).all()
+    assert (np.diff(file.data["time"].values) > np.timedelta64(0, "ns")).all()
 
 
 def read_bsdf(path: Path) -> None:
@@ -67,7 +67,7 @@ def read_a_mesh(path: Path) -> None:
 
 def read_stamps(path: Path) -> None:
     """Time rises."""
-    assert (np.diff(read_timestamps(path)) > np.timedelta64(0)).all()
+    assert (np.diff(read_timestamps(path)) > np.timedelta64(0, "ns")).all()
 
 
 MATERIALS = dict.fromkeys(("wall", "floor", "ceiling", "made", "box"), Lambertian(0.5)) | {
