@@ -190,7 +190,7 @@ class TensorTree:
         power = np.pi * self.value / 4.0**self.level
         np.add.at(total, cells, power)
         np.add.at(total, cells + (1 << axes * (self.depth - self.level)), -power)
-        return np.cumsum(total)[:-1]
+        return np.maximum(np.cumsum(total)[:-1], 0)  # rounding may leave less than nothing
 
     def collected(self, outgoing: np.ndarray) -> np.ndarray:
         """∫ f cos θ dω over the incident directions, for outgoing directions (n, 3), shape (n,)."""

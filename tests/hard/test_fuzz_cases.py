@@ -169,6 +169,15 @@ def test_what_broke_is_refused(tables, field, command, folder, holds):
     holds("memory, of 1 GiB", max(0, answer.growth) / GIB, 1)
 
 
+def test_a_night_behind_two_films_is_dark(command, folder):
+    """No sun shines on any film: tables of nothing were put together."""
+    strips = {"strips": [{"bottom": 0.0, "top": 1.0, "material": "film"}]}
+    night = {"months": [1], "hours": [0, 1], "days_per_week": 1}
+    case = changed(facade={"south": strips, "east": strips}, period=night)
+    (folder / "case.toml").write_text(toml(case), encoding="utf-8")
+    assert command("evaluate", "case.toml", "-o", "results", folder=folder).line == ""
+
+
 @pytest.mark.slow
 def test_a_hundred_thousand_desks(command, folder):
     """Drawn one by one on the plans they took minutes."""

@@ -231,12 +231,13 @@ print(peak_memory())
 
 @pytest.mark.slow
 def test_memory_is_flat_from_5776_to_57600_sensors():
+    """E of the further sensors in one state would take 0.7 GiB; a part of it is allocators'."""
     peaks = []
     for count in (76, 240):
         command = [sys.executable, "-c", MEMORY, str(count)]
         done = subprocess.run(command, capture_output=True, text=True, check=True)
         peaks.append(int(done.stdout))
-    assert peaks[1] <= 1.1 * peaks[0]
+    assert peaks[1] - peaks[0] <= 200 << 20
     assert peaks[1] <= 3 << 30
 
 

@@ -130,7 +130,8 @@ class Films:
             else even
             for i, even in enumerate(self._even_tables)
         ]
-        return tables[0] if len(tables) == 1 else dr.concat(tables)
+        # A concatenation of nothing, where no sun shines on any film, is an error of Dr.Jit.
+        return tables[0] if len(tables) == 1 or not len(self.suns) else dr.concat(tables)
 
     def without_peaks(self, to_suns: mi.Float) -> tuple[mi.Float, tuple[Peaks, ...]]:
         """Take the peaks of films that are not exposed out of the table of `answer_to_suns`."""
