@@ -39,5 +39,6 @@ numpydoc_class_members_toctree = False
 
 html_theme = "pydata_sphinx_theme"
 html_static_path = ["_static"]
+html_css_files = ["equations.css"]
 html_title = "drcmitsuba"
 html_theme_options = {"show_toc_level": 2, "navigation_with_keys": False}

@@ -15,7 +15,9 @@ def _inline(translator: Any, node: nodes.Element) -> None:
 
 
 def _block(translator: Any, node: nodes.Element) -> None:
-    translator.body.append(f"<div class='math'>{convert(node.astext(), display='block')}</div>\n")
+    # The theme's class `math` cuts off what is higher than a line.
+    equation = convert(node.astext(), display="block")
+    translator.body.append(f"<div class='equation'>{equation}</div>\n")
     raise nodes.SkipNode
 
 
