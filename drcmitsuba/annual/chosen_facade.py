@@ -181,21 +181,43 @@ class ChosenFacade:
         groups, starts = self.moving.states, self.openings.starts
         if not self.moving.groups or len(groups) < 2:
             return C
-        light = self.channels[1 if len(self.channels) > 1 else 0]  # green stands for all colours
-        bins = np.arange(len(light.labels)) if bins is None else bins
-        out = np.full((C.sizes["sensor"], len(bins)), -1, np.float32)
-        most = np.zeros(out.shape, np.float32)
-        group = np.repeat(list(map(self.moving.number_of, range(len(starts) - 1))), np.diff(starts))
-        for k in range(len(groups)):
-            straight = np.zeros_like(most)
-            for e in np.flatnonzero((group == k) & (shares != 0)):
-                places, straight_of = light.elements[e].seen_at(bins)
-                at, sensor = np.divmod(places, len(straight))
-                straight[sensor, at] += shares[e] * straight_of.mean(axis=0)
-            out[straight > most] = k
-            most = np.maximum(most, straight)
-        out[:, bins < light.sky_bins] = -1  # a sun alone closes a group
+        every = range(len(starts) - 1)
+        group = np.repeat(list(map(self.moving.number_of, every)), np.diff(starts))
+        out = group_of_sun(self.channels, shares, group, len(groups), bins)
         return C.assign(pane_group=(("sensor", "bin"), out))
+
+
+def group_of_sun(
+    channels: tuple[LightByElement, ...], shares: np.ndarray, group: np.ndarray, count: int,
+    bins: np.ndarray | None = None,
+) -> np.ndarray:  # fmt: skip
+    """Group of panes by which most of each sun comes straight, −1 for none, (sensor, bin).
+
+    Parameters
+    ----------
+    channels : tuple of LightByElement
+        Light of every colour channel; green stands for all colours.
+    shares : np.ndarray, shape (element,)
+        Shares of all elements while every group is open.
+    group : np.ndarray of int, shape (element,)
+        Number of every element's group, less than `count`; −1 for none.
+    bins : np.ndarray of int, optional
+        Positions of some bins among all of them; by default all.
+    """
+    light = channels[1 if len(channels) > 1 else 0]
+    bins = np.arange(len(light.labels)) if bins is None else bins
+    out = np.full((len(light.positions), len(bins)), -1, np.float32)
+    most = np.zeros(out.shape, np.float32)
+    for k in range(count):
+        straight = np.zeros_like(most)
+        for e in np.flatnonzero((group == k) & (shares != 0)):
+            places, straight_of = light.elements[e].seen_at(bins)
+            at, sensor = np.divmod(places, len(straight))
+            straight[sensor, at] += shares[e] * straight_of.mean(axis=0)
+        out[straight > most] = k
+        most = np.maximum(most, straight)
+    out[:, bins < light.sky_bins] = -1  # a sun alone closes a group
+    return out
 
 
 def _by_channel(channels: list[np.ndarray], time: np.ndarray) -> xr.DataArray:

@@ -11,7 +11,7 @@ import xarray as xr
 from drcmitsuba.annual.hours_in_any_weather import hours_in_any_weather
 from drcmitsuba.annual.run import Run
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.groups import OPEN, SHADED, VARYING, GroupStates, State
+from drcmitsuba.case.groups import OPEN, VARYING, GroupStates, State
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import draw_shade
@@ -65,7 +65,7 @@ class StateSource(Protocol):
 
 def simulated_year(
     source: StateSource, case: Case, daylight: Daylight, run: Run, marked: Mapping[str, Any],
-    needed: Callable[[xr.Dataset], np.ndarray] | None = None,
+    needed: Callable[[xr.Dataset], dict[State, np.ndarray]] | None = None,
 ) -> SimulatedYear:  # fmt: skip
     """Get the open state from a source, and the states that the façade then may take.
 
@@ -76,8 +76,8 @@ def simulated_year(
     marked : mapping
         Attributes of C, with the groups and their rule.
     needed : callable, optional
-        Turns direct sun into a mask (time,) of the hours whose suns the state `shaded` needs, where
-        these are not the hours in which the one shade may close.
+        Turns direct sun into a mask (time,) of the hours for each state but the open one, where
+        these are not the hours in which the rule and the schedules may ask for it.
     daylight, run
         As for `simulation.simulate`.
     """
@@ -110,7 +110,7 @@ def simulated_year(
 
 def taken_states(
     case: Case, daylight: Daylight, coefficients: Coefficients,
-    needed: Callable[[xr.Dataset], np.ndarray] | None = None,
+    needed: Callable[[xr.Dataset], dict[State, np.ndarray]] | None = None,
 ) -> TakenStates:  # fmt: skip
     """States that the façade may take in every hour of a daylight; `needed` as for `simulate`.
 
@@ -130,7 +130,7 @@ def taken_states(
     marked = coefficients.attrs
     direct = illuminance.direct_sun(coefficients, daylight.sky)
     if needed is not None:
-        return TakenStates(daylight, direct, None, {SHADED: needed(direct)})
+        return TakenStates(daylight, direct, None, needed(direct))
     if case.effects.dark_hours == "all":  # another weather may let suns shine that do not here
         hours = hours_in_any_weather(case, daylight, coefficients, marked)
         return TakenStates(daylight, direct, None, hours)

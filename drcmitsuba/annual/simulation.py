@@ -213,7 +213,7 @@ class _Traced:
 
 def simulate(
     case: Case, daylight: Daylight, run: Run, known: Coefficients | None = None,
-    needed: Callable[[xr.Dataset], np.ndarray] | None = None,
+    needed: Callable[[xr.Dataset], dict[State, np.ndarray]] | None = None,
 ) -> SimulatedYear:  # fmt: skip
     """Simulate C of all states, each but the open one for the suns of hours that may take it.
 
@@ -225,8 +225,8 @@ def simulate(
     known : Coefficients, optional
         C of this case for another weather [sr]; its bins are not computed again.
     needed : callable, optional
-        Turns direct sun into a mask (time,) of the hours whose suns the state `shaded` needs, where
-        these are not the hours in which the one shade may close.
+        Turns direct sun into a mask (time,) of the hours for each state but the open one, where
+        these are not the hours in which the rule and the schedules may ask for it.
 
     Returns
     -------

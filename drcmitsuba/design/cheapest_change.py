@@ -98,7 +98,8 @@ def cheapest_change(judged: Verdict, facades: Facades, stage: Stage = silent) ->
     asked = rules(layout.case, light.step_hours)
     at = hours_of(standard, evidence.illuminance, light.step_hours, source, evidence.sky)
     coordinates = evidence.illuminance.drop_vars(list(evidence.illuminance.data_vars))
-    requirement = Requirement(standard, level, at, coordinates, asked)
+    groups = facades.tiled.groups
+    requirement = Requirement(standard, level, at, coordinates, asked, groups)
     problem = ChangeProblem(facades.problem, requirement, facades.present)
     if now.levels[target].reached:
         start = problem.evaluate(problem.start)

@@ -9,22 +9,27 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.annual.attributes import attributes
+from drcmitsuba.annual.chosen_facade import group_of_sun
+from drcmitsuba.annual.run import Run
+from drcmitsuba.annual.simulated_year import SimulatedYear, simulated_year
+from drcmitsuba.annual.summed_year import luminances_of, replicates_of
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.groups import SHADED
+from drcmitsuba.case.groups import OPEN, State
 from drcmitsuba.case.sun import Adaptive, TrueSun
 from drcmitsuba.design import present_facade
+from drcmitsuba.design.facade_groups import FacadeGroups
 from drcmitsuba.design.facade_tiles import TiledLight
 from drcmitsuba.design.facade_year import FacadeYear
 from drcmitsuba.design.layout import Layout
 from drcmitsuba.design.problem import FacadeProblem
 from drcmitsuba.design.realise import realise
-from drcmitsuba.metrics.coefficients_by_state import Coefficients
-from drcmitsuba.metrics.evaluate_metrics import drawing, may_close
-from drcmitsuba.metrics.illuminance import direct_sun, illuminance
+from drcmitsuba.metrics.evaluate_metrics import drawing
+from drcmitsuba.metrics.illuminance import illuminance
 from drcmitsuba.plan import Plan, plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.progress import Stage, silent
+from drcmitsuba.runtime.progress import Progress, Stage, silent
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.standards import Evidence
 
@@ -55,8 +60,8 @@ class Facades:
         ------
         InputError
             The search for a façade cannot hold the case: it has no `[design]`, tilts lamellae, is
-            of a model, has groups, components in its strips or other materials, or takes more
-            memory than there is.
+            of a model, has components in its strips or other materials, groups that take too many
+            states, or takes more memory than there is.
         """
         if case.design is not None and case.design.component is not None:
             got = "the tilt of lamellae is searched, not a façade"
@@ -64,7 +69,6 @@ class Facades:
         if isinstance(case.sun, Adaptive):  # its mesh would follow one composition
             case = case.with_tables(sun=TrueSun())
         layout = Layout.of(case)
-        case.refuse_groups("the cheapest change of a façade", layout.side)
         heights = present_facade.heights(layout)
         backend.select()
         return cls(layout, *layout.light(heights, stage=stage))
@@ -85,23 +89,62 @@ class Facades:
         layout, tiled, light = self.layout, self.tiled, self.light
         tiles, names = tiled.tiles, tiled.materials
         built = realise(layout.case, layout.side, tiles, share, names, layout.film)
-        coefficients, direct = coefficients_of(tiled, share, plan(built, light))
+        facade = ComposedFacade(built, tiled, share)
+        coefficients, direct, *_ = facade.simulated(plan(built, light))
         E = illuminance(coefficients, light.sky, direct)
         E.attrs["step_hours"] = light.step_hours
         return Evidence(E, coefficients, light.sky, drawing(built), layout.case.source)
 
 
-def coefficients_of(
-    tiled: TiledLight, share: np.ndarray, planned: Plan
-) -> tuple[Coefficients, xr.Dataset]:
-    """C of a façade, shaded only for hours in which the shade may close, and its direct sun."""
-    case, light = planned.facts.case, planned.facts.light
-    is_open = tiled.coefficients(share)
-    marked = attributes(case, light, planned.scope)
-    coefficients = Coefficients(is_open.assign_attrs(marked))
-    every = direct_sun(coefficients, light.every.sky)
-    direct = every if light.year is None else every.isel(time=light.rows)
-    if planned.simulated.shading is None or not may_close(case, light.step_hours, every).any():
-        return coefficients, direct
-    shaded = tiled.coefficients(share, closed=True)
-    return Coefficients(coefficients.open, {SHADED: shaded}), direct
+@dataclass(frozen=True, eq=False)
+class ComposedFacade:
+    """A façade of tiles in one composition: a `StateSource` of the states that its groups take."""
+
+    case: Case
+    """Case of this façade."""
+    tiled: TiledLight
+    share: np.ndarray
+    """Composition, shape (tile, material)."""
+
+    def state(self, state: State, labels: np.ndarray | None, progress: Progress) -> xr.Dataset:
+        """C [sr] of a state for all suns; see `StateSource`."""
+        tiled, groups = self.tiled, self.tiled.groups
+        index = int(state != OPEN)
+        if groups is not None:
+            index = int(_places(groups, np.array(groups.rule.groups.indices(state))))
+        C = tiled.coefficients(self.share, index)
+        C = C.assign_coords(prepared(self.case).receivers.coordinates.coords)
+        if groups is not None and state == OPEN:
+            assert tiled.group is not None
+            shares = tiled.shares(self.share)
+            by = group_of_sun(tiled.channels, shares, tiled.group, len(groups.rule.groups))
+            C = C.assign(pane_group=(("sensor", "bin"), by))
+        progress(1)
+        return C
+
+    def year(self, daylight: Daylight, indices: np.ndarray, progress: Progress) -> xr.Dataset:
+        """`illuminance` [lx] of a year; see `StateSource`."""
+        tiled, groups = self.tiled, self.tiled.groups
+        assert groups is not None
+        states = np.stack([tiled.shares(self.share, i) for i in range(len(groups.indices))])
+        shares, channels = states[_places(groups, indices)], tiled.channels
+        L = luminances_of(daylight, channels[0].labels)
+        years = [light.illuminance(L, shares) for light in channels]
+        E = replicates_of(daylight, years, channels[0].replicates)
+        return xr.Dataset({"illuminance": E})
+
+    def simulated(self, planned: Plan) -> SimulatedYear:
+        """C of the states that this façade takes, and its direct sun."""
+        case, light, groups = planned.simulated, planned.facts.light, self.tiled.groups
+        marked = attributes(planned.facts.case, light, planned.scope)
+        if groups is not None and marked["has_shade"]:  # as named for all compositions
+            marked.pop("groups", None)
+            marked.pop("schedule", None)
+            marked |= groups.rule.groups.attributes() | groups.rule.schedule.attributes()
+        return simulated_year(self, case, light, Run.of(case, planned.scope), marked)
+
+
+def _places(groups: FacadeGroups, indices: np.ndarray) -> np.ndarray:
+    """Places of states (…, group) among all that the groups may take, int, shape (…)."""
+    same = (indices[..., None, :] == groups.indices).all(axis=-1)
+    return np.asarray(same.argmax(axis=-1))

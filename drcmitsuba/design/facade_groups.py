@@ -17,7 +17,7 @@ import xarray as xr
 
 from drcmitsuba.annual.attributes import spaces_text
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.groups import GroupStates
+from drcmitsuba.case.groups import GroupStates, State
 from drcmitsuba.metrics import smooth_step
 from drcmitsuba.metrics.facade_states import ShadeRule
 from drcmitsuba.metrics.grids import count_by_grid, grid_of_sensors
@@ -47,15 +47,16 @@ class FacadeGroups:
 
     @classmethod
     def of(
-        cls, rule: ShadeRule, time: xr.DataArray, grid: np.ndarray, outside: np.ndarray, source: str
-    ) -> FacadeGroups:
-        """Find the states; InputError where there are too many."""
+        cls, rule: ShadeRule, time: xr.DataArray, grid: np.ndarray, outside: np.ndarray,
+        source: str, most: int = MOST_STATES,
+    ) -> FacadeGroups:  # fmt: skip
+        """Find the states; InputError where there are more than `most`."""
         groups, by_rule = rule.groups, rule.by_rule
         scheduled = rule.indices(np.zeros((len(time), len(groups)), bool), time)
         rows = np.unique(scheduled, axis=0)
         last = np.array(groups.last)
-        if len(rows) << int(by_rule.sum()) > MOST_STATES:
-            got = f"more than {MOST_STATES} states of the façade, by {len(groups)} groups"
+        if len(rows) << int(by_rule.sum()) > most:
+            got = f"more than {most} states of the façade, by {len(groups)} groups"
             remedy = "join groups that close together, or name fewer states in their schedules"
             raise InputError(source, "groups", got, remedy)
         closed = np.array([*product((0, 1), repeat=int(by_rule.sum()))], bool)
@@ -66,11 +67,13 @@ class FacadeGroups:
         return cls(rule, time, grid, np.array([*first, *others]), outside)
 
     @classmethod
-    def of_case(cls, case: Case, groups: GroupStates, time: xr.DataArray) -> FacadeGroups:
+    def of_case(
+        cls, case: Case, groups: GroupStates, time: xr.DataArray, most: int = MOST_STATES
+    ) -> FacadeGroups:
         """Groups of a case by its rule and schedules; InputError as `of`."""
         at = prepared(case).receivers.coordinates.assign_attrs(spaces=spaces_text(case))
         grid, outside = grid_of_sensors(at), outside_of(groups, at)
-        return cls.of(ShadeRule.of_case(case, groups), time, grid, outside, case.source)
+        return cls.of(ShadeRule.of_case(case, groups), time, grid, outside, case.source, most)
 
     @property
     def is_plain(self) -> bool:
@@ -79,9 +82,36 @@ class FacadeGroups:
         return is_one and not self.grid.any() and not self.outside.any()
 
     @cached_property
+    def _scheduled(self) -> np.ndarray:
+        """State of every group while none closes by the rule, an index, int, (time, group)."""
+        none = np.zeros((len(self.time), len(self.rule.groups)), bool)
+        return self.rule.indices(none, self.time)
+
+    @cached_property
     def _required(self) -> np.ndarray:
         """Sensors in the sun that close a group, by grid."""
         return self.rule.required(np.bincount(self.grid))
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        """States of the façade in the order of `indices`."""
+        return tuple(self.rule.groups.label(row) for row in self.indices.tolist())
+
+    @cached_property
+    def by_schedule(self) -> np.ndarray:
+        """State at each time stamp while no group closes by the rule, an index, int, (time,)."""
+        same = (self._scheduled[:, None] == self.indices).all(axis=-1)
+        return np.asarray(same.argmax(axis=1))
+
+    def hours(self, may_close: np.ndarray) -> np.ndarray:
+        """Time stamps at which each state has a share, bool, (state, time).
+
+        `may_close` (time,) tells when groups may close by the rule, in part by the smooth twin.
+        """
+        by_rule = self.rule.by_rule
+        agrees = by_rule | (self._scheduled[:, None] == self.indices)
+        closes = (self.indices[:, by_rule] != 0).any(axis=1)
+        return np.asarray((agrees.all(axis=-1) & (may_close[:, None] | ~closes)).T)
 
     def applied(self, E: Illuminances) -> np.ndarray:
         """E (time, sensor) [lx] in the states that the groups take."""
@@ -119,9 +149,8 @@ class FacadeGroups:
 
     def _shares(self, E: Illuminances, sharpness: float) -> list[dict[int, mi.TensorXf]]:
         """Share (time,) of every state of each group."""
-        rule, hours = self.rule, len(self.time)
+        rule, scheduled = self.rule, self._scheduled
         closed = self._closed(E, sharpness)
-        scheduled = rule.indices(np.zeros((hours, len(rule.groups)), bool), self.time)
         shares: list[dict[int, mi.TensorXf]] = []
         for g, last in enumerate(rule.groups.last):
             if rule.by_rule[g]:

@@ -106,26 +106,27 @@ class TiledLight:
             group=None if groups is None else group_of_elements(elements, places),
         )
 
-    def shares(self, composition: np.ndarray, *, closed: bool = False) -> np.ndarray:
+    def shares(self, composition: np.ndarray, state: int = 0) -> np.ndarray:
         """Shares of all elements, shape (element,).
 
         Parameters
         ----------
         composition : np.ndarray, shape (tile, material)
             Shares of the tiles' area, the shade open; rows sum to 1.
-        closed : bool
-            Whether the shade stands before all clear panes.
+        state : int
+            0 with everything open, 1 with the shade before all that it covers, more for further
+            states of `groups`, in their order.
         """
         given = np.asarray(composition, np.float32)
         if self.place is None:
             shares = np.append(given, self.as_drawn)
         else:
             shares = np.where(self.place < 0, self.as_drawn, given.ravel()[self.place])
-        return shares @ self.closings[0] if closed else shares
+        return shares @ self.closings[state - 1] if state else shares
 
-    def coefficients(self, composition: np.ndarray, *, closed: bool = False) -> xr.Dataset:
+    def coefficients(self, composition: np.ndarray, state: int = 0) -> xr.Dataset:
         """Coefficients of a composition [sr]; arguments as for `shares`."""
-        shares = self.shares(composition, closed=closed)
+        shares = self.shares(composition, state)
         return joined_channels([light.coefficients(shares) for light in self.channels])
 
 

@@ -15,7 +15,6 @@ from drcmitsuba.annual.result import Result, evaluate
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.design import Design
 from drcmitsuba.case.facade import Facade
-from drcmitsuba.case.groups import Group
 from drcmitsuba.case.sun import Adaptive, TrueSun
 from drcmitsuba.design import pictures
 from drcmitsuba.design.facade_maps import Panes, Strips, Window
@@ -32,7 +31,6 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.runtime.toml import Side, checked
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
-from drcmitsuba.scene.pane_groups import group_of
 from drcmitsuba.scene.tiled_facades import TiledFacades, refuse_structures_in_strips
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.daylight import daylight as daylight_of
@@ -188,7 +186,7 @@ class Layout:
             value = float(optimum.values[factor.parameter.key][0])
             table = materials[name].model_dump() | {"transmittance": value}
             materials[name] = checked(type(materials[name]), table, case.source)
-        return case.with_tables(materials=materials, groups=_with_panes(case))
+        return case.with_tables(materials=materials)
 
     def problem(self, year: FacadeYear) -> FacadeProblem:
         """Optimisation problem of a year.
@@ -270,13 +268,6 @@ class Layout:
             start = min(max(now, limits[0]), limits[1])
             factors.append(Factor(str(column), Parameter(key, *limits, start), now))
         return tuple(factors)
-
-
-def _with_panes(case: Case) -> dict[str, Group]:
-    """Groups of a case that have a pane in its façades."""
-    strips = ((s.material, side) for side, f in case.facade.items() for s in f.strips)
-    numbers = {group[0] for name, side in strips if (group := group_of(case, name, side))}
-    return {name: group for i, (name, group) in enumerate(case.groups.items()) if i in numbers}
 
 
 def _transmittances(

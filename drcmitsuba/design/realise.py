@@ -12,6 +12,7 @@ from drcmitsuba.case.facade import THINNEST, Facade, Strip
 from drcmitsuba.design.facade_tiles import Tiles
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import Side
+from drcmitsuba.scene.pane_groups import group_of
 
 MOST_SEGMENTS = 200
 ALIGNED = 0.01
@@ -31,7 +32,8 @@ def realise(
     than the tile above. Wall lies at the upper edge, or at the lower edge if the tile below has
     more wall than the tile above. A piece too low for a pane with its frame goes to the tile's
     other pieces. Touching panes of one material become one. Every pane has the façade's frame
-    around it, so that cut tiles have less glass than the composition says.
+    around it, so that cut tiles have less glass than the composition says. Groups without a pane
+    are left out.
 
     Raises
     ------
@@ -54,7 +56,16 @@ def realise(
         for (bottom, top, material), inside in sorted(segments_of.items())
     )  # fmt: skip
     facade = old.model_copy(update={"segments": segments, "strips": strips})
-    return case.with_facade(side, facade)
+    return _with_groups_of_panes(case.with_facade(side, facade))
+
+
+def _with_groups_of_panes(case: Case) -> Case:
+    """Case with those of its groups that have a pane; without any of them, no shade closes."""
+    strips = ((s.material, side) for side, f in case.facade.items() for s in f.strips)
+    numbers = {group[0] for name, side in strips if (group := group_of(case, name, side))}
+    groups = {name: group for i, (name, group) in enumerate(case.groups.items()) if i in numbers}
+    shading = None if case.groups and not groups else case.shading
+    return case.with_tables(groups=groups, shading=shading)
 
 
 def _columns(tiles: Tiles, length: float, facade: Facade) -> tuple[int, list[np.ndarray]]:

@@ -19,6 +19,7 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba import metrics
+from drcmitsuba.design.facade_groups import FacadeGroups
 from drcmitsuba.metrics import smooth, smooth_step
 from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.runtime.flat_arrays import flat_indices
@@ -48,6 +49,8 @@ class Requirement:
         Coordinates `time` of the year, and of the sensors; the attribute `spaces` tells spaces.
     rules : Rules
         Rule of the shade, from `evaluate_metrics.rules`.
+    groups : FacadeGroups, optional
+        Groups of panes that close one by one; by default one shade closes.
     """
 
     standard: Standard
@@ -55,10 +58,11 @@ class Requirement:
     at: np.ndarray
     coordinates: xr.Dataset
     rules: Rules
+    groups: FacadeGroups | None = None
 
     def hard(self, E: Illuminances) -> tuple[Outcome, np.ndarray]:
         """Outcome of the level by the standard's count, and its margins, shape (margin,)."""
-        year = self._year(E.open.numpy(), E.shaded.numpy(), E.direct.numpy())
+        year = self._year(E.open.numpy(), E.direct.numpy(), self._applied(E))
         names = dict.fromkeys(limit.quantity for limit in self.level.limits)
         counted = {name: count(self.standard.quantities[name], year) for name in names}
         margins = [
@@ -70,14 +74,11 @@ class Requirement:
     def smooth(self, E: Illuminances, sharpness: float) -> list[mi.Float]:
         """Smooth twins of the margins of `hard`, with gradients.
 
-        The twin of the shade's rule counts all sensors as one grid.
+        The twin of the rule of one shade counts all sensors as one grid.
         """
-        total, rules, year = E.open, self.rules, self._dark
+        total, year = E.open, self._dark
         if any(self._quantity(limit).light == "total" for limit in self.level.limits):
-            closed = smooth.shade_closed(
-                E.direct, rules.shade_threshold, rules.shade_area, sharpness=sharpness
-            )
-            total = smooth.applied(E.open, E.shaded, closed)
+            total = self._smooth_applied(E, sharpness)
         of_light = {"total": total, "open": E.open, "direct_sun": E.direct}
         margins = []
         for limit, space in self._asked(year):
@@ -102,15 +103,31 @@ class Requirement:
         none = np.zeros((sizes["time"], sizes["sensor"]), np.float32)
         return self._year(none, none, none)
 
-    def _year(self, open: np.ndarray, shaded: np.ndarray, direct: np.ndarray) -> StandardYear:
-        """Hours of the standard, the shade applied by its rule, without errors of E [lx]."""
-        rules, dims = self.rules, ("time", "sensor")
-        E = {name: (dims, e) for name, e in (("total_open", open), ("direct_sun", direct))}
+    def _applied(self, E: Illuminances) -> np.ndarray:
+        """E (time, sensor) [lx] with the shade as its rule has it, or in the groups' states."""
+        if self.groups is not None:
+            return self.groups.applied(E)
+        at = self.coordinates.coords
+        direct = xr.DataArray(E.direct.numpy(), at, ("time", "sensor"))
+        closed = metrics.shade_closed(direct, self.rules.shade_threshold, self.rules.shade_area)
+        return np.where(closed.values[:, None], E.shaded.numpy(), E.open.numpy())
+
+    def _smooth_applied(self, E: Illuminances, sharpness: float) -> mi.TensorXf:
+        """Twin of `_applied`, with gradients."""
+        if self.groups is not None:
+            return self.groups.smooth(E, sharpness)
+        threshold, area = self.rules.shade_threshold, self.rules.shade_area
+        closed = smooth.shade_closed(E.direct, threshold, area, sharpness=sharpness)
+        return smooth.applied(E.open, E.shaded, closed)
+
+    def _year(self, open: np.ndarray, direct: np.ndarray, total: np.ndarray) -> StandardYear:
+        """Hours of the standard without errors of E [lx]; `total` has the shade applied."""
+        dims = ("time", "sensor")
+        of_light = (("total_open", open), ("direct_sun", direct), ("total", total))
+        E = {name: (dims, e) for name, e in of_light}
         told = {n: v for n, v in self.coordinates.attrs.items() if n == "spaces"}
-        told |= {"step_hours": rules.step_hours}
+        told |= {"step_hours": self.rules.step_hours}
         out = xr.Dataset(E, self.coordinates.coords, told)
-        closed = metrics.shade_closed(out["direct_sun"], rules.shade_threshold, rules.shade_area)
-        out["total"] = dims, np.where(closed.values[:, None], shaded, open)
         none = np.zeros_like(open)
         out = out.assign({f"{name}_se": (dims, none) for name in OF_LIGHT.values()})
         return StandardYear(Evidence(out, None, None, {}, "light by tile"), self.at)

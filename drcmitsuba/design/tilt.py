@@ -21,21 +21,15 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple
 
-import mitsuba as mi
 import numpy as np
-import xarray as xr
 
-from drcmitsuba.annual import simulation
-from drcmitsuba.annual.run import Run
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import StructureComponent
-from drcmitsuba.case.groups import SHADED
+from drcmitsuba.design.facade_groups import FacadeGroups
 from drcmitsuba.design.measure import (
     ASE_TOLERANCE,
     Aim,
@@ -45,18 +39,18 @@ from drcmitsuba.design.measure import (
     Score,
 )
 from drcmitsuba.design.parameters import Parameter
-from drcmitsuba.metrics import Interval, accumulate, illuminance
-from drcmitsuba.metrics.evaluate_metrics import evaluate_metrics, may_close, rules
+from drcmitsuba.design.simulated_tilt import SimulatedTilt, simulated_tilt
+from drcmitsuba.metrics.evaluate_metrics import rules
+from drcmitsuba.metrics.facade_states import most_states
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.progress import Progress, Stage, part, silent
+from drcmitsuba.runtime.progress import Progress, Stage, silent
 from drcmitsuba.runtime.random_streams import Stream, case_seed
 from drcmitsuba.runtime.toml import named_of_kind, shortened
 from drcmitsuba.scene import components
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.structures.recipe import Lamellae, load_recipe
-from drcmitsuba.schema import by_luminance, luminance
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.daylight import daylight as daylight_of
-from drcmitsuba.transport.elements.state_illuminances import Illuminances
 
 
 class TiltGoal(NamedTuple):
@@ -64,16 +58,6 @@ class TiltGoal(NamedTuple):
 
     aim: Aim
     ase_limit: float
-
-
-class SimulatedTilt(NamedTuple):
-    """A year with the lamellae at one tilt: E [lx], and the 95 % interval of the aim [%].
-
-    The shaded E equals the open E where there is no direct sun, as no shade closes then.
-    """
-
-    E: Illuminances
-    aim: Interval
 
 
 class Slope(NamedTuple):
@@ -107,15 +91,14 @@ class TiltProblem(RatedProblem):
         Raises
         ------
         InputError
-            The component has no lamellae, they do not fit into their panes at all tilts, or the
-            weather is unfit.
+            The component has no lamellae, they do not fit into their panes at all tilts, groups of
+            panes take too many states, or the weather is unfit.
         """
         design = case.design
         if design is None or design.component is None:
             got, remedy = "no component is named", 'add component = "…", lamellae of [components]'
             raise InputError(case.source, "design", got, remedy)
         case.refuse_overruled("the search for a tilt")
-        case.refuse_groups("the search for a tilt")
         structures = named_of_kind(case.components, (StructureComponent,))
         design.check_tilt(structures, case.standing)
         component = case.components[design.component]
@@ -132,13 +115,24 @@ class TiltProblem(RatedProblem):
         goal = TiltGoal(design.aim, design.ase_limit)
         with stage("sky"):
             daylight = daylight_of(case)
-        return cls(case, design.component, daylight, goal, tilt, design.tilt_step)
+        problem = cls(case, design.component, daylight, goal, tilt, design.tilt_step)
+        problem.groups  # noqa: B018 - may be too many
+        return problem
+
+    @cached_property
+    def groups(self) -> FacadeGroups | None:
+        """Groups of panes, or the one shade; None where nothing closes."""
+        groups = prepared(self.case).groups.states
+        if not len(groups):
+            return None
+        time = self.daylight.sky["time"]
+        return FacadeGroups.of_case(self.case, groups, time, most_states(groups))
 
     @property
     def measure(self) -> Measure:
         """Rules that rate a year."""
-        of_case = rules(self.case, self.daylight.step_hours)
-        return Measure(of_case, self.goal.aim, self.daylight.sky["clock"].dt.month.values)
+        of_case, months = rules(self.case, self.daylight.step_hours), self.daylight.sky["clock"].dt
+        return Measure(of_case, self.goal.aim, months.month.values, self.groups)
 
     def built(self, tilt: float) -> Case:
         """Case with its lamellae at a tilt [deg]."""
@@ -161,7 +155,9 @@ class TiltProblem(RatedProblem):
     def simulate(self, tilt: float, progress: Progress = lambda share: None) -> SimulatedTilt:
         """Year of a tilt [deg], simulated with the case's seed at the first call."""
         if tilt not in self.simulated:
-            self.simulated[tilt] = self._simulation(self.built(tilt), progress)
+            self.simulated[tilt] = simulated_tilt(
+                self.built(tilt), self.daylight, self.groups, self.goal.aim, progress
+            )
         return self.simulated[tilt]
 
     def evaluate(self, x: np.ndarray, sharpness: float) -> RatedCandidate:
@@ -217,45 +213,6 @@ class TiltProblem(RatedProblem):
             if other != tilt and aim.low <= here.high and here.low <= aim.high
             and self.measure.hard(E)[1] <= self.goal.ase_limit + ASE_TOLERANCE
         )  # fmt: skip
-
-    def _simulation(self, case: Case, progress: Progress) -> SimulatedTilt:
-        """Simulate a case: illuminances E of the year, and the interval of the aim.
-
-        The shade's smooth twin closes a little in every hour with direct sun, so the shaded state
-        is simulated for all of these hours, not only for those in which the shade may close.
-        """
-        last = 1.0 if case.shading is None else 0.6
-
-        @contextmanager
-        def stage(name: str) -> Iterator[Progress]:
-            yield part(progress, 0, last) if name == "open façade" else part(progress, last, 1)
-
-        run = replace(Run.of(case), stage=stage)
-        hours = partial(self._has_sun, case)
-        coefficients, direct, *_ = simulation.simulate(case, self.daylight, run, needed=hours)
-        judged = evaluate_metrics(case, self.daylight, coefficients, direct)
-        year = by_luminance(judged.illuminance)
-        is_open, direct_sun = year["total_open"].values, year["direct_sun"].values
-        shaded = is_open.copy()
-        if SHADED in coefficients.others:
-            sunny = self._has_sun(case, direct)
-            behind, sky = coefficients.others[SHADED], self.daylight.sky.isel(time=sunny)
-            by_source = illuminance.by_channel(accumulate.by_source, behind, sky).map(luminance)
-            shaded[sunny] = by_source["total"].values
-        E = (np.ascontiguousarray(a, np.float32) for a in (is_open, shaded, direct_sun))
-        return SimulatedTilt(Illuminances(*map(mi.TensorXf, E)), self._interval(judged.metrics))
-
-    def _has_sun(self, case: Case, direct: xr.Dataset) -> np.ndarray:
-        """Mask (time,): time stamps at which a sensor has direct sun or the shade may close."""
-        sunny = (luminance(direct["direct_sun"]).values > 0).any(axis=1)
-        return sunny | may_close(case, self.daylight.step_hours, direct)
-
-    def _interval(self, metrics: dict[str, Any]) -> Interval:
-        """95 % interval of the aim [%]; for the worst month, the interval of that month alone."""
-        if self.goal.aim == "sDA":
-            return Interval(**metrics["sDA"])
-        months = [month for month in metrics["msDA"] if month is not None]
-        return Interval(**min(months, key=lambda month: month["value"]))
 
 
 def _tilted(case: Case, name: str, tilt: float) -> Case:

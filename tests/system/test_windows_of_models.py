@@ -105,7 +105,7 @@ def simulated(tmp_path_factory):
 
 def light_under_a_sky(tiled, composition, closed):
     """Replicates (replicate, sensor) of E [lx] under a sky of 4 kcd/m² and all suns."""
-    C = tiled.coefficients(composition, closed=closed)
+    C = tiled.coefficients(composition, int(closed))
     labels = [*Patches(1).labels, *(b for b in C["bin"].values if b.startswith("sun_"))]
     L = np.where(np.char.startswith(np.array(labels, str), "sun_"), 1e8, 4e3)
     return (C["replicates"].sel(bin=labels).values * L).sum(-1)

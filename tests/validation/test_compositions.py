@@ -82,7 +82,7 @@ def test_fifty_mixed_compositions(state, capsys):
         )
         names = fill_at(each.facade["south"], length, *centre)
         composition = (names[:, None] == np.array(tiled.materials)).astype(float)
-        ours = tiled.coefficients(composition, closed=state == "shaded")
+        ours = tiled.coefficients(composition, int(state == "shaded"))
         E, theirs = (
             (C["replicates"].sel(bin=labels).values * L).sum(axis=-1) for C in (ours, fresh)
         )

@@ -9,25 +9,28 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from drcmitsuba import load_case
+from drcmitsuba import evaluate, load_case
 from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.cli import main
 from drcmitsuba.design.change_problem import ChangeProblem
 from drcmitsuba.design.change_search import least_change
 from drcmitsuba.design.cheapest_change import cheapest_change, cheapest_changes
-from drcmitsuba.design.composed_facades import Facades
+from drcmitsuba.design.composed_facades import ComposedFacade, Facades
 from drcmitsuba.design.facade_maps import Panes, Strips, Window
 from drcmitsuba.design.goal import Goal
 from drcmitsuba.design.optimise import Search
 from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.design.problem import FacadeProblem
+from drcmitsuba.design.realise import realise
 from drcmitsuba.design.requirement import Requirement
+from drcmitsuba.metrics.evaluate_metrics import rules
 from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.standards import Refusal, read, verdict
 from drcmitsuba.standards.standard import Limit
 from drcmitsuba.transport.elements.state_illuminances import Illuminances
+from tests.fast import slowly
 from tests.synthetic_year import SyntheticYear, Tiles
 
 CASE = """
@@ -200,6 +203,68 @@ def test_the_command_tells_the_change_after_the_verdict(
     assert told["quantities"]["sDA"]["then"]["value"] >= 75
     (film,) = told["composition"]["film"]
     assert film * PANES == pytest.approx(told["changed_m2"], abs=1e-3)
+
+
+GROUPS = """[groups.south]
+panes = ["glass"]
+facing = "south"
+[groups.west]
+panes = ["glass", "film"]
+facing = "west"
+states = ["veil", "shade"]
+[facade.west]
+strips = [{ bottom = 1.2, top = 2.4, material = "glass" }]
+[materials.veil]
+type = "diffuser"
+transmittance = 0.3
+"""
+WEST = GROUPS[GROUPS.index("[facade") :]
+FINER = CASE.replace("replicates = 2\npaths = 16", "replicates = 6\npaths = 96")
+FINER = FINER.replace("sensor_sky_rays = 16", "sensor_sky_rays = 64")
+
+
+@pytest.mark.parametrize("kind", slowly(["groups", "facing"], "facing"))
+def test_façades_of_groups_are_evaluations_of_their_own(tmp_path, kind):
+    """E and verdict of a façade with some film, beside its realisation with other light paths.
+
+    The numbers that the search follows are those of its evidence.
+    """
+    text = FINER.replace("rows = 1", "rows = 2") + 'side = "south"\n'
+    (tmp_path / "case.toml").write_text(text + (GROUPS if kind == "groups" else WEST))
+    facades = Facades.of(load_case(tmp_path / "case.toml"))
+    case, tiled = facades.layout.case, facades.tiled
+    share = np.zeros_like(facades.present)
+    assert len(share) == 2
+    share[[0, 1], [tiled.materials.index(name) for name in ("glass", "film")]] = 1
+    evidence = facades.evidence(share)
+    E = evidence.illuminance
+    built = realise(case, "south", tiled.tiles, share, tiled.materials, "film")
+    accuracy = built.accuracy.model_copy(update={"seed": 99})
+    other = evaluate(built.with_tables(accuracy=accuracy)).illuminance
+    taken, states = (each["facade_state"].values[:, :2] for each in (E, other))
+    assert len(np.unique(taken, axis=0)) == 4
+    assert (taken == states).all(axis=1).mean() > 0.98
+    assert float(E["total"].mean()) == pytest.approx(float(other["total"].mean()), rel=0.01)
+    same = (taken == states).all(axis=1)
+    error = np.hypot(E["total_se"], other["total_se"]) + 0.01 * other["total"]
+    assert (abs(E["total"] - other["total"]) > 6 * error).values[same].mean() < 0.01
+
+    year = facades.problem.year.illuminance(mi.TensorXf(share.astype(np.float32)))
+    np.testing.assert_allclose(tiled.groups.applied(year), E["total"].values, rtol=2e-3, atol=1)
+    facade = ComposedFacade(built, tiled, share)
+    hourly = facade.year(facades.light, E["facade_state"].values.astype(int), lambda part: None)
+    mean = hourly["illuminance"].mean("replicate").transpose("time", "sensor").values
+    np.testing.assert_allclose(mean, E["total"].values, rtol=2e-3, atol=1)
+    standard, at = read("lm-83-12"), np.arange(E.sizes["time"])
+    asked = Requirement(
+        standard, standard.levels[0], at, E.drop_vars(list(E.data_vars)),
+        rules(case, facades.light.step_hours), tiled.groups,
+    )  # fmt: skip
+    judged, (_, counted) = verdict("lm-83-12", evidence), asked.hard(year)
+    of_sda = [limit.quantity for limit in standard.levels[0].limits].index("sDA")
+    least = standard.levels[0].limits[of_sda].at_least
+    of_point = 100 / E.sizes["sensor"]
+    assert abs(100 * counted[of_sda] + least - judged.quantities["sDA"].value) < 1.5 * of_point
 
 
 # Years by formula -----------------------------------------------------------------------------

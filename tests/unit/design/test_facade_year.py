@@ -58,7 +58,7 @@ def share_of(*names, fills=(*FILLS, "shade")):
 
 def both(tiled, composition, closed, fresh):
     """Replicates of E [lx] under a mean sky, of a composition and of a simulation."""
-    ours = tiled.coefficients(composition, closed=closed)
+    ours = tiled.coefficients(composition, int(closed))
     labels = [*Patches(1).labels, *(b for b in fresh["bin"].values if b.startswith("sun_"))]
     L = np.where(np.char.startswith(np.array(labels, str), "sun_"), 1e8, 4e3)
     return [(C["replicates"].sel(bin=labels).values * L).sum(-1) for C in (ours, fresh)]
@@ -99,7 +99,7 @@ def test_compositions_are_what_they_are_alone(sides):
             error = np.sqrt((ours.var() + theirs.var()) / (n - 1))
             assert abs(ours.mean() - theirs.mean()) < 4 * error
             assert error < 0.02 * theirs.mean()  # or the line above would say little
-            recombined = tiled.coefficients(composition, closed=state == "shaded")
+            recombined = tiled.coefficients(composition, int(state == "shaded"))
             # What fabrics of two sides scatter onto each other is left out, 2 % of direct light.
             for name in ("straight",) if sides else ("straight", "direct"):
                 a, b = (C[name].sum().item() for C in (recombined, alone))
@@ -110,7 +110,7 @@ def test_the_shade_stands_before_clear_tiles_only():
     facade = {"south": {"strips": PLAIN}, "west": WEST}
     tiled = by_tile(room(PLAIN, facade=facade), few(daylight(room(PLAIN)), 1), Accuracy(paths=16))
     composition = share_of("glass", "wall", "fabric", "glass")
-    before, behind = (tiled.shares(composition, closed=closed) for closed in (False, True))
+    before, behind = (tiled.shares(composition, state) for state in (0, 1))
     names = np.array(tiled.names)
     assert (before[names == "shade"] == 0).all()
     assert (behind[names == "glass"] == 0).all()
@@ -139,7 +139,7 @@ def dirichlet(seed, tiles, materials):
 
 def plainly(tiled, composition, name="total", *, closed=False):
     """Coefficients of a single result, as `accumulate` takes them: C = Σ w C_e + G_m Σ w D_e."""
-    light, shares = tiled.channels[0], tiled.shares(composition, closed=closed)
+    light, shares = tiled.channels[0], tiled.shares(composition, int(closed))
     some = [(1, light.besides), *zip(shares, light.elements, strict=True)]
     C, D = (np.zeros((len(light.labels), n)) for n in (12, light.besides.blocks.shape[2]))
     for share, element in some:

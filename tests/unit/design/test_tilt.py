@@ -15,7 +15,8 @@ from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.design import pictures
 from drcmitsuba.design.measure import Measure
 from drcmitsuba.design.parameters import Parameter
-from drcmitsuba.design.tilt import SimulatedTilt, TiltGoal, TiltProblem
+from drcmitsuba.design.simulated_tilt import SimulatedTilt
+from drcmitsuba.design.tilt import TiltGoal, TiltProblem
 from drcmitsuba.design.tilt_search import optimise_tilt
 from drcmitsuba.metrics import Interval
 from drcmitsuba.metrics.evaluate_metrics import evaluate_metrics
@@ -24,6 +25,7 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import checked
 from drcmitsuba.transport.elements.state_illuminances import Illuminances
+from tests.fast import slowly
 
 SLATS = """[structure]
 kind = "lamellae"
@@ -125,6 +127,67 @@ def test_numbers_are_those_of_an_evaluation_with_the_same_seed(tmp_path):
     applied = np.where(closed, E.shaded.numpy(), E.open.numpy())
     np.testing.assert_allclose(applied, judged.illuminance["total"].values, rtol=1e-4)
     assert problem.afresh(23.0).accuracy.seed != built.accuracy.seed
+
+
+GROUPS = {
+    "low": {"panes": ["glass"], "facing": "south"},
+    "west": {"panes": ["glass"], "facing": "west", "states": ["opal", "shade"]},
+}
+
+
+@pytest.mark.parametrize("kind", slowly(["scheduled", "facing", "groups"], "facing", "groups"))
+def test_groups_take_the_states_of_an_evaluation(tmp_path, kind):
+    """E in the states that groups take, and its twin, beside an evaluation with the same seed."""
+    hours = [f"2015-{day}T{hour:02d}:00" for day in ("03-20", "12-21") for hour in (8, 11, 13, 15)]
+    (tmp_path / "hours.csv").write_text("\n".join(["time", *hours]) + "\n")
+    states = np.array(["open", "opal", "shade"])[np.arange(8760) % 3]
+    (tmp_path / "west.csv").write_text("\n".join(["west", *states]) + "\n")
+    groups = {} if kind == "facing" else GROUPS
+    if kind == "scheduled":
+        groups = GROUPS | {"west": GROUPS["west"] | {"schedule": str(tmp_path / "west.csv")}}
+    glass = {"bottom": 0.5, "top": 1.5, "material": "glass"}
+    lamellae = {"bottom": 1.8, "top": 2.8, "material": "lamellae"}
+    tables = {
+        "period": {"timestamps": str(tmp_path / "hours.csv")},
+        "facade": {"south": {"strips": [glass, lamellae]}, "west": {"strips": [glass]}},
+        "materials": {
+            "glass": {"type": "glazing", "transmittance": 0.7},
+            "opal": {"type": "diffuser", "transmittance": 0.4},
+            "shade": {"type": "diffuser", "transmittance": 0.1},
+        },
+        "shading": {"material": "shade", "threshold": 500.0, "area": 0.2},
+        "groups": groups,
+        "accuracy": {"replicates": 4, "paths": 32, "photons": 128, "sensor_sky_rays": 64},
+    }
+    problem = TiltProblem.of(case(tmp_path, **tables))
+    built, sky = problem.built(23.0), problem.daylight
+    by_paths = built.with_tables(effects=Effects(solved_cells="off"))
+    judged = evaluate_metrics(built, sky, simulation.coefficients(by_paths, sky))
+    taken = judged.illuminance["facade_state"].values
+    assert len(np.unique(taken, axis=0)) >= 3
+    assert (taken.min(axis=0) < taken.max(axis=0))[:2].all()  # both groups move
+    expected = judged.illuminance["total"].values
+    E = problem.simulate(23.0).E
+    np.testing.assert_allclose(problem.groups.applied(E), expected, rtol=1e-4)
+    twin = problem.groups.smooth(E, 1e5).numpy()
+    assert (abs(twin / expected - 1).max(axis=1) < 1e-3).mean() > 0.8
+    candidate = problem.evaluate(problem.free(23.0), 1e4)
+    assert candidate.hard.aim == pytest.approx(judged.metrics["sDA"]["value"])
+    assert candidate.hard.ase == pytest.approx(judged.metrics["ASE"]["value"])
+    assert problem.simulated[23.0].aim == Interval(**judged.metrics["sDA"])
+
+
+def test_too_many_states_are_refused(tmp_path):
+    strips = [{"bottom": 0.9, "top": 1.5, "material": "glass"}]
+    walls = {side: {"strips": strips} for side in ("north", "east", "west")}
+    south = [*strips, {"bottom": 1.8, "top": 2.8, "material": "lamellae"}]
+    facade = walls | {"south": {"strips": south}}
+    with pytest.raises(InputError) as caught:
+        TiltProblem.of(case(tmp_path, facade=facade, shading={"material": "shade"}))
+    assert str(caught.value) == (
+        "case: groups: more than 12 states of the façade, by 4 groups; join groups that close "
+        "together, or name fewer states in their schedules"
+    )
 
 
 class ByFormula(TiltProblem):
