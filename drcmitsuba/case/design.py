@@ -65,11 +65,16 @@ class Design(Table):
     """Number of tiles side by side; default: the façade's segments, and one in a model's wall."""
     wwr: Literal["fixed"] | tuple[Share, Share] = "fixed"
     """Window-to-wall ratio: "fixed" as the façade has it, or a range [–]."""
-    objective: Literal["sDA", "worst month", "area"] = "sDA"
-    """Metric to maximise: sDA, or msDA of the worst month. "area": the least area that has
-    `sda_least`, of windows where `wwr` is a range, of film where the windows stay."""
+    objective: Literal["sDA", "worst month", "standard", "area"] = "sDA"
+    """Metric to maximise: sDA, msDA of the worst month, or the margin by which a `level` of a
+    `standard` is reached. "area": the least area that has `sda_least`, or reaches the level, of
+    windows where `wwr` is a range, of film where the windows stay."""
     sda_least: Percent | None = None
     """Least sDA, for the objective "area" [%]."""
+    standard: Name | None = None
+    """Name of a standard as `comply` has it, for the objectives "standard" and "area"."""
+    level: Name | None = None
+    """Level of the standard, such as "2 points"; default: its lowest level."""
     film_cost: Annotated[float, Field(ge=0, le=1000)] = 0.0
     """Reduction of the objective where film fills the whole band [%]; less film costs less."""
     ase_limit: Percent = 10.0
@@ -97,9 +102,11 @@ class Design(Table):
         return not self.model_fields_set.isdisjoint(OF_WALLS)
 
     @property
-    def aim(self) -> Literal["sDA", "worst month"]:
+    def aim(self) -> Literal["sDA", "worst month", "standard"]:
         """Metric that is maximised, or that the least area has to reach."""
-        return "sDA" if self.objective == "area" else self.objective
+        if self.objective != "area":
+            return self.objective
+        return "sDA" if self.standard is None else "standard"
 
     @model_validator(mode="after")
     def _one_kind(self) -> Design:
@@ -124,15 +131,26 @@ class Design(Table):
 
     @model_validator(mode="after")
     def _condition(self) -> Design:
-        if self.objective == "area" and self.component is not None:
-            got, remedy = "the tilt of a component has no area", 'give "sDA" or "worst month"'
-            raise InputError("design", "objective", got, remedy)
-        if self.objective == "area" and self.sda_least is None:
+        if self.objective in ("standard", "area") and self.component is not None:
+            got = "the tilt of a component is searched by sDA or msDA alone"
+            raise InputError("design", "objective", got, 'give "sDA" or "worst month"')
+        if self.objective == "area" and self.sda_least is None and self.standard is None:
             got = "the objective is the least area, of which nothing is asked"
-            raise InputError("design", "sda_least", got, "give the least sDA [%], sda_least = 55")
-        if self.objective != "area" and self.sda_least is not None:
-            got = f"the objective is {self.objective}"
-            raise InputError("design", "sda_least", got, 'leave it out, or give objective = "area"')
+            remedy = "give the least sDA [%], sda_least = 55, or the name of a standard"
+            raise InputError("design", "sda_least", got, remedy)
+        if self.objective == "standard" and self.standard is None:
+            got = "the objective is the margin of a standard, which is not named"
+            raise InputError("design", "standard", got, 'name one, such as "leed-v4.1"')
+        if self.sda_least is not None and self.standard is not None:
+            got = "a standard is asked for, too"
+            raise InputError("design", "sda_least", got, "give one of them")
+        for key, serves in (("sda_least", ("area",)), ("standard", ("standard", "area"))):
+            if getattr(self, key) is not None and self.objective not in serves:
+                got = f"the objective is {self.objective}"
+                raise InputError("design", key, got, 'leave it out, or give objective = "area"')
+        if self.level is not None and self.standard is None:
+            got = "no standard is named"
+            raise InputError("design", "level", got, "name the standard, or leave it out")
         return self
 
     @model_validator(mode="after")

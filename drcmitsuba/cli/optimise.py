@@ -14,6 +14,7 @@ from drcmitsuba.cli.terminal import percent, show, stages
 if TYPE_CHECKING:
     from drcmitsuba.annual.result import Result
     from drcmitsuba.case.case import Case
+    from drcmitsuba.design.requirement import Requirement
     from drcmitsuba.design.search import Optimum
     from drcmitsuba.runtime.progress import Stage
 
@@ -80,6 +81,8 @@ def _facade(case: Case, output: Path, stage: Stage) -> None:
     fresh = _saved(layout.afresh(optimum, stage), output) if finished else None
     areas = {"film": hard.film_area, "panes": hard.window_area}
     _print(optimum, "best façade", fresh, areas)
+    if fresh is not None and problem.goal.requirement is not None:
+        print(_outcome(str(layout.design.standard), problem.goal.requirement, fresh))
     print(f"{optimum.evaluations} evaluations with gradients in {optimum.seconds:.1f} s")
     for name in tables:
         print(f'{name}: to draw the new windows into the model, give windows = "{name}" in [model]')
@@ -133,10 +136,26 @@ def _nearest(optimum: Optimum) -> str:
     hard, goal = optimum.best.hard, optimum.problem.goal
     if not optimum.problem.holds_limits(hard):
         return "no evaluated design holds all limits; this design comes nearest"
+    if goal.requirement is not None:
+        return (
+            f"{goal.requirement.title} is not reached: by the best that holds the other limits, "
+            f"its least margin is {hard.aim:.1f} %"
+        )
     return (
         f"sDA ≥ {goal.least.aim:g} % is not reached: the highest that holds the other limits is "
         f"{hard.aim:.1f} %"
     )
+
+
+def _outcome(standard: str, asked: Requirement, fresh: Result) -> str:
+    """Say whether an optimum that was simulated afresh reaches the level that was asked for."""
+    from drcmitsuba.standards import Evidence, verdict
+    from drcmitsuba.standards.verdict import likelihood
+
+    judged = verdict(standard, Evidence.of_result(fresh))
+    level = next(level for level in judged.levels if level.name == asked.level.name)
+    how = "reached" if level.reached else "not reached"
+    return f"{asked.title}: {how} afresh, probability {likelihood(level.probability)}"
 
 
 def _print(optimum: Optimum, title: str, fresh: Result | None, areas: dict[str, float]) -> None:
@@ -147,9 +166,11 @@ def _print(optimum: Optimum, title: str, fresh: Result | None, areas: dict[str, 
         "", "by the search", "simulated afresh (95 %)", title=escape(title), title_justify="left"
     )
     aim, numbers = NAMES[optimum.problem.goal.aim], {} if fresh is None else fresh.metrics
-    for name, value in ((aim, optimum.best.hard.aim), ("ASE", optimum.best.hard.ase)):
+    searched = {aim: optimum.best.hard.aim, "ASE": optimum.best.hard.ase}
+    for name in dict.fromkeys((aim, "sDA", "ASE")):
+        own = f"{searched[name]:.1f} %" if name in searched else "–"
         again = f"{percent(numbers[name])} %" if name in numbers else "–"
-        table.add_row(name, f"{value:.1f} %", again)
+        table.add_row(name, own, again)
     for key, area in areas.items():
         table.add_row(key, f"{area:.2f} m²", "")
     for key, values in optimum.values.items():

@@ -20,11 +20,9 @@ from drcmitsuba.design.change_problem import ChangeCandidate, ChangeProblem
 from drcmitsuba.design.change_search import ChangeOptimum, least_change
 from drcmitsuba.design.composed_facades import Facades
 from drcmitsuba.design.requirement import Requirement
-from drcmitsuba.metrics.evaluate_metrics import rules
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.standards import Refusal, Verdict, read, verdict
-from drcmitsuba.standards.coverage import hours_of
 from drcmitsuba.standards.terms import dated
 
 MOST_JUDGED = 8
@@ -90,16 +88,10 @@ def cheapest_change(judged: Verdict, facades: Facades, stage: Stage = silent) ->
     InputError
         No level is left or can be stated, or the parameters cannot give the façade as it is.
     """
-    layout, standard, target = facades.layout, read(judged.standard), level_above(judged)
-    level = standard.levels[target]
-    source, light = layout.case.source, facades.light
-    evidence = facades.evidence(facades.present)
-    now = verdict(judged.standard, evidence)
-    asked = rules(layout.case, light.step_hours)
-    at = hours_of(standard, evidence.illuminance, light.step_hours, source, evidence.sky)
-    coordinates = evidence.illuminance.drop_vars(list(evidence.illuminance.data_vars))
-    groups = facades.tiled.groups
-    requirement = Requirement(standard, level, at, coordinates, asked, groups)
+    layout, name, target = facades.layout, judged.standard, level_above(judged)
+    now = verdict(name, facades.evidence(facades.present))
+    level, groups = read(name).levels[target].name, facades.tiled.groups
+    requirement = Requirement.of(layout.case, name, level, facades.light, groups)
     problem = ChangeProblem(facades.problem, requirement, facades.present)
     if now.levels[target].reached:
         start = problem.evaluate(problem.start)

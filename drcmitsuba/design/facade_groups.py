@@ -18,9 +18,10 @@ import xarray as xr
 from drcmitsuba.annual.attributes import spaces_text
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import GroupStates, State
-from drcmitsuba.metrics import smooth_step
+from drcmitsuba.metrics import smooth, smooth_step
 from drcmitsuba.metrics.facade_states import ShadeRule
 from drcmitsuba.metrics.grids import count_by_grid, grid_of_sensors
+from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.metrics.watched_groups import outside_of
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.prepared_case import prepared
@@ -187,3 +188,14 @@ class FacadeGroups:
                 )
                 opened[g] = opened[g] * step if g in opened else step
         return {g: 1 - share for g, share in opened.items()}
+
+
+def smooth_applied(
+    E: Illuminances, rules: Rules, groups: FacadeGroups | None, sharpness: float
+) -> mi.TensorXf:
+    """E (time, sensor) [lx] by the smooth twins of the groups' states, or of one shade's rule."""
+    if groups is not None:
+        return groups.smooth(E, sharpness)
+    threshold, area = rules.shade_threshold, rules.shade_area
+    closed = smooth.shade_closed(E.direct, threshold, area, sharpness=sharpness)
+    return smooth.applied(E.open, E.shaded, closed)

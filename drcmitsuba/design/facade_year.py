@@ -37,6 +37,8 @@ class FacadeYear:
     searched façade come first."""
     groups: FacadeGroups | None = None
     """Groups of panes that close one by one; None where one shade closes."""
+    daylight: Daylight | None = None
+    """Daylight that the year is of; None where no standard asks for its hours."""
 
     @classmethod
     def of(cls, tiled: TiledLight, daylight: Daylight) -> FacadeYear:
@@ -49,7 +51,8 @@ class FacadeYear:
         still, names = flat(np.append(tiled.as_drawn, 1)), (*tiled.names, "")
         channels = tuple(zip(weights, years, strict=True))
         place = None if tiled.place is None else mi.Int32(np.append(tiled.place, -1))
-        return cls(tiled.tiles, tiled.materials, names, still, channels, place, tiled.groups)
+        parts = tiled.tiles, tiled.materials, names, still, channels, place, tiled.groups
+        return cls(*parts, daylight)
 
     @property
     def months(self) -> np.ndarray:

@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from drcmitsuba.case.design import Design
+from drcmitsuba.case.case import Case
+from drcmitsuba.design.facade_year import FacadeYear
 from drcmitsuba.design.measure import NAMES, Aim
+from drcmitsuba.design.requirement import Requirement, asked_of
+from drcmitsuba.metrics.evaluate_metrics import rules
 from drcmitsuba.metrics.intervals.rules import Rules
 
 Minimised = Literal["panes", "film"]
@@ -35,6 +38,8 @@ class Goal:
         limits.
     least : LeastArea, optional
         Area that is minimised; default: the aim is maximised.
+    requirement : Requirement, optional
+        Level of a standard whose margin is the aim "standard"; it is reached from 0 on.
     """
 
     rules: Rules
@@ -44,16 +49,25 @@ class Goal:
     ase_limit: float | None = None
     window_area: tuple[float, float] | None = None
     least: LeastArea | None = None
+    requirement: Requirement | None = None
 
     @classmethod
     def of(
-        cls, design: Design, rules: Rules, film: str, window_area: tuple[float, float] | None,
+        cls, case: Case, year: FacadeYear, film: str, window_area: tuple[float, float] | None,
         of: Minimised,
     ) -> Goal:  # fmt: skip
-        """Goal that `[design]` states; its objective "area" is that `of` the panes or the film."""
-        least = None if design.sda_least is None else LeastArea(of, design.sda_least)
+        """Goal that `[design]` states; its objective "area" is that `of` the panes or the film.
+
+        Errors are those of `Requirement.of`.
+        """
+        design, least, light = case.design, None, year.daylight
+        assert design is not None
+        requirement = None if light is None else asked_of(case, light, year.groups)
+        if design.objective == "area":
+            least = LeastArea(of, 0.0 if design.sda_least is None else design.sda_least)
         cost, limit = design.film_cost, design.ase_limit
-        return cls(rules, film, design.aim, cost, limit, window_area, least)
+        of_case = rules(case, year.step_hours)
+        return cls(of_case, film, design.aim, cost, limit, window_area, least, requirement)
 
     def value(self, aim: Any, film: Any, window: Any) -> Any:
         """Objective [%] of an aim [%], and areas of film and panes over that of the tiles [–]."""

@@ -25,7 +25,7 @@ from drcmitsuba.design.optimise import FacadeOptimum, Search
 from drcmitsuba.design.parameters import Factor, Map, Parameter
 from drcmitsuba.design.problem import FacadeProblem
 from drcmitsuba.design.realise import realise
-from drcmitsuba.metrics.evaluate_metrics import rules
+from drcmitsuba.design.requirement import asked_of
 from drcmitsuba.model.materials import DiffuserMaterial, GlazingMaterial, check_energy
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
@@ -147,6 +147,7 @@ class Layout:
             case = case.with_tables(sun=TrueSun())
         with stage("sky"):
             daylight = daylight_of(case)
+            asked_of(case, daylight)  # refused before any light is traced
 
         fills = ("wall", self.clear, self.film)
         tiled = TiledFacades.of_grid(case, self.side, heights, self.segments, fills)
@@ -202,9 +203,8 @@ class Layout:
         fills = part >= 1 - 1e-6
         by_strips = self.design.parameters == "strips"
         area = (self.wwr[0] * wall, self.wwr[1] * wall) if by_strips and not fills else None
-        of_case, frees_windows = rules(self.case, year.step_hours), self.wwr[0] < self.wwr[1]
-        of: Minimised = "panes" if frees_windows else "film"
-        goal = Goal.of(self.design, of_case, self.film, area, of)
+        of: Minimised = "panes" if self.wwr[0] < self.wwr[1] else "film"
+        goal = Goal.of(self.case, year, self.film, area, of)
         panes = Panes(year.tiles, year.materials, self.clear, self.film)
         facade = (
             self._strips(panes, 1.0 if fills else part) if by_strips else self._window(panes, wall)

@@ -16,16 +16,23 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba import metrics
-from drcmitsuba.design.facade_groups import FacadeGroups
+from drcmitsuba.design.facade_groups import FacadeGroups, smooth_applied
+from drcmitsuba.design.requirement import Requirement
 from drcmitsuba.metrics import smooth
 from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.transport.elements.state_illuminances import Illuminances
 
-Aim = Literal["sDA", "worst month"]
-NAMES: Mapping[Aim, str] = {"sDA": "sDA", "worst month": "msDA of the worst month"}
+Aim = Literal["sDA", "worst month", "standard"]
+NAMES: Mapping[Aim, str] = {
+    "sDA": "sDA", "worst month": "msDA of the worst month", "standard": "margin of the standard",
+}  # fmt: skip
 """Names of the aims in tables and pictures."""
+COLUMNS: Mapping[Aim, str] = {"sDA": "sDA", "worst month": "worst_msDA", "standard": "margin"}
+"""Names of the aims in files."""
 SOFTEST = 50.0
 """Months within SOFTEST / sharpness [%] of the lowest msDA count as the worst together."""
+SHORT = 1e-6
+"""Least distance from 0 of the margin of a level that the standard's count does not reach [%]."""
 ASE_TOLERANCE = 1e-9
 """Largest excess of ASE over its limit that still holds the limit [%]."""
 
@@ -34,7 +41,8 @@ ASE_TOLERANCE = 1e-9
 class Score:
     """One design in numbers, hard or smooth [%].
 
-    `value` is the objective, the aim less its cost; the aim is sDA, or msDA of the worst month.
+    `value` is the objective, the aim less its cost; the aim is sDA, msDA of the worst month, or the
+    least margin of a level of a standard, which is 0 or more where the level is reached.
     """
 
     value: float
@@ -111,7 +119,7 @@ class RatedProblem:
 
     def numbers(self, candidate: Any) -> dict[str, float]:
         """Columns of the history: hard and smooth numbers [%]."""
-        name = "sDA" if self.goal.aim == "sDA" else "worst_msDA"
+        name = COLUMNS[self.goal.aim]
         return {
             "sharpness": candidate.sharpness,
             "value": candidate.hard.value,
@@ -125,36 +133,40 @@ class RatedProblem:
 
 @dataclass(frozen=True)
 class Measure:
-    """Rules by which illuminances are rated, and the month 1 … 12 of each time stamp (time,)."""
+    """Rules by which illuminances are rated, and the month 1 … 12 of each time stamp (time,).
+
+    The aim "standard" is that of a `requirement`.
+    """
 
     rules: Rules
     aim: Aim
     months: np.ndarray
     groups: FacadeGroups | None = None
     """Groups of panes that close one by one; None where one shade closes."""
+    requirement: Requirement | None = None
 
     def smooth(self, E: Illuminances, sharpness: float) -> tuple[mi.Float, mi.Float]:
         """Rate illuminances by the smooth twins: aim and ASE [%], with gradients."""
-        rules, t, k = self.rules, self.rules.metrics, sharpness
-        if self.groups is None:
-            threshold, area = rules.shade_threshold, rules.shade_area
-            closed = smooth.shade_closed(E.direct, threshold, area, sharpness=k)
-            total = smooth.applied(E.open, E.shaded, closed)
-        else:
-            total = self.groups.smooth(E, k)
+        t, k, step = self.rules.metrics, sharpness, self.rules.step_hours
+        ase = smooth.ase(E.direct, t.ase_threshold, t.ase_hours, step, sharpness=k)
+        if self.requirement is not None:
+            margins = dr.concat(self.requirement.smooth(E, k))
+            return _soft_minimum(100 * margins, k / SOFTEST), ase
+        total = smooth_applied(E, self.rules, self.groups, k)
         if self.aim == "sDA":
-            aim = smooth.sda(total, t.sda_threshold, t.sda_fraction, sharpness=k)
-        else:
-            months = smooth.msda(total, self.months, t.sda_threshold, t.sda_fraction, sharpness=k)
-            aim = _soft_minimum(months.array, k / SOFTEST)
-        return aim, smooth.ase(
-            E.direct, t.ase_threshold, t.ase_hours, rules.step_hours, sharpness=k
-        )
+            return smooth.sda(total, t.sda_threshold, t.sda_fraction, sharpness=k), ase
+        months = smooth.msda(total, self.months, t.sda_threshold, t.sda_fraction, sharpness=k)
+        return _soft_minimum(months.array, k / SOFTEST), ase
 
     def hard(self, E: Illuminances) -> tuple[float, float]:
         """Rate illuminances by `metrics`: aim and ASE [%]."""
         rules, t = self.rules, self.rules.metrics
         direct_sun = _dated(E.direct.numpy(), self.months)
+        ase = metrics.ase(direct_sun, t.ase_threshold, t.ase_hours, rules.step_hours)
+        if self.requirement is not None:
+            outcome, margins = self.requirement.hard(E)
+            least = 100 * float(margins.min())
+            return (max(least, 0.0) if outcome.reached else min(least, -SHORT)), ase
         if self.groups is None:
             threshold, area = rules.shade_threshold, rules.shade_area
             closed = metrics.shade_closed(direct_sun, threshold, area).values
@@ -163,10 +175,8 @@ class Measure:
             applied = self.groups.applied(E)
         total = _dated(applied, self.months)
         if self.aim == "sDA":
-            aim = metrics.sda(total, t.sda_threshold, t.sda_fraction)
-        else:
-            aim = float(np.nanmin(metrics.msda(total, t.sda_threshold, t.sda_fraction)))
-        return aim, metrics.ase(direct_sun, t.ase_threshold, t.ase_hours, rules.step_hours)
+            return metrics.sda(total, t.sda_threshold, t.sda_fraction), ase
+        return float(np.nanmin(metrics.msda(total, t.sda_threshold, t.sda_fraction))), ase
 
 
 def _soft_minimum(values: mi.Float, beta: float) -> mi.Float:

@@ -31,8 +31,8 @@ from drcmitsuba.design.model_windows import WindowArea, panes_of
 from drcmitsuba.design.optimise import FacadeOptimum, Search
 from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.design.problem import FacadeProblem
+from drcmitsuba.design.requirement import asked_of
 from drcmitsuba.design.wall_picture import wall_picture
-from drcmitsuba.metrics.evaluate_metrics import rules
 from drcmitsuba.model.windows import COLUMNS, rows_of
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
@@ -111,6 +111,7 @@ class ModelLayout:
         """Light by tile and fill, and the daylight of the case's period."""
         with stage("sky"):
             daylight = daylight_of(self.case)
+            asked_of(self.case, daylight)  # refused before any light is traced
         shared = self.openings.simulated(self.case, daylight, stage)
         return self.openings.tiled(shared, daylight.sky["time"]), daylight
 
@@ -120,9 +121,8 @@ class ModelLayout:
         panes = Panes(year.tiles, year.materials, self.openings.clear, self.film)
         if self.allowed is not None:
             window, area = self.allowed.parameter(panes.count), self.allowed.limits
-        of_case = rules(self.case, year.step_hours)
         of: Minimised = "panes" if area is not None and area[0] < area[1] else "film"
-        goal = Goal.of(self.design, of_case, self.film, area, of)
+        goal = Goal.of(self.case, year, self.film, area, of)
         film = Parameter("film", 0.0, 1.0, 0.5, panes.count)
         return FacadeProblem(year, Strips(panes, window, film), goal)
 

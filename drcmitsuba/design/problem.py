@@ -5,7 +5,8 @@ Objective and constraints of one composition, all in per cent:
     maximise   A − cost · (area of the film / area of the tiles)
     subject to ASE ≤ limit,  area of the panes given or within bounds
 
-with A the sDA or the msDA of the worst month, shade applied. Where the area is the objective:
+with A the sDA, the msDA of the worst month, or the least margin of a level of a standard, shade
+applied. Where the area is the objective:
 
     maximise   −100 % · (area of the panes / area of the tiles) − cost · …
     subject to A ≥ least,  and as above
@@ -241,7 +242,8 @@ class FacadeProblem(RatedProblem):
     @cached_property
     def measure(self) -> Measure:
         """Rules by which the year is rated."""
-        return Measure(self.goal.rules, self.goal.aim, self.year.months, self.year.groups)
+        goal, year = self.goal, self.year
+        return Measure(goal.rules, goal.aim, year.months, year.groups, goal.requirement)
 
     def _hard(self, E: Illuminances, film: float, window: float) -> FacadeScore:
         """Hard score of illuminances E with areas of film and panes [m²]."""

@@ -19,11 +19,19 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba import metrics
-from drcmitsuba.design.facade_groups import FacadeGroups
+from drcmitsuba.annual.attributes import spaces_text
+from drcmitsuba.case.case import Case
+from drcmitsuba.design.facade_groups import FacadeGroups, smooth_applied
 from drcmitsuba.metrics import smooth, smooth_step
+from drcmitsuba.metrics.evaluate_metrics import rules
 from drcmitsuba.metrics.intervals.rules import Rules
+from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat_indices
-from drcmitsuba.standards import Evidence
+from drcmitsuba.runtime.toml import choose, shortened
+from drcmitsuba.scene.prepared_case import prepared
+from drcmitsuba.sky.daylight import Daylight
+from drcmitsuba.standards import Evidence, names, read
+from drcmitsuba.standards.coverage import check_facing, check_spacing, hours_of
 from drcmitsuba.standards.quantities import Counted, count, stamps_needed
 from drcmitsuba.standards.standard import Level, Limit, Quantity, Standard
 from drcmitsuba.standards.verdict import Outcome, outcome
@@ -60,6 +68,48 @@ class Requirement:
     rules: Rules
     groups: FacadeGroups | None = None
 
+    @classmethod
+    def of(
+        cls, case: Case, name: str, level: str | None, light: Daylight,
+        groups: FacadeGroups | None = None,
+    ) -> Requirement:  # fmt: skip
+        """Level of a standard, by default its lowest one, asked of a case under its daylight.
+
+        Raises
+        ------
+        InputError
+            There is no such standard or level, illuminance does not decide it, or the period or
+            the points are not those that it asks for.
+        """
+        source = case.source
+        if name not in names():
+            got = f"{shortened(name)} is no standard"
+            raise InputError(source, "design.standard", got, choose(name, names()))
+        standard = read(name)
+        why = standard.undecided
+        if standard.hours == "equinox":
+            why = "it counts moments of clear days, which no search holds"
+        if why is not None or not standard.levels:
+            got = f"{name} has no level that a search can reach: {why}"
+            raise InputError(source, "design.standard", got, "name another standard")
+        levels = {one.name: one for one in standard.levels}
+        if level is not None and level not in levels:
+            got = f"{shortened(level)} is no level of {name}"
+            raise InputError(source, "design.level", got, choose(level, list(levels)))
+        asked = standard.levels[0] if level is None else levels[level]
+        at = hours_of(standard, light.sky, light.step_hours, source, light.sky)
+        sensors = prepared(case).receivers.coordinates
+        check_facing(sensors, source)
+        check_spacing(standard, sensors, source)
+        times = {key: light.sky[key] for key in ("time", "clock")}
+        coordinates = sensors.assign_coords(times).assign_attrs(spaces=spaces_text(case))
+        return cls(standard, asked, at, coordinates, rules(case, light.step_hours), groups)
+
+    @property
+    def title(self) -> str:
+        """Standard and level in words."""
+        return f"{self.standard.title}: {self.level.name}"
+
     def hard(self, E: Illuminances) -> tuple[Outcome, np.ndarray]:
         """Outcome of the level by the standard's count, and its margins, shape (margin,)."""
         year = self._year(E.open.numpy(), E.direct.numpy(), self._applied(E))
@@ -78,7 +128,7 @@ class Requirement:
         """
         total, year = E.open, self._dark
         if any(self._quantity(limit).light == "total" for limit in self.level.limits):
-            total = self._smooth_applied(E, sharpness)
+            total = smooth_applied(E, self.rules, self.groups, sharpness)
         of_light = {"total": total, "open": E.open, "direct_sun": E.direct}
         margins = []
         for limit, space in self._asked(year):
@@ -111,14 +161,6 @@ class Requirement:
         direct = xr.DataArray(E.direct.numpy(), at, ("time", "sensor"))
         closed = metrics.shade_closed(direct, self.rules.shade_threshold, self.rules.shade_area)
         return np.where(closed.values[:, None], E.shaded.numpy(), E.open.numpy())
-
-    def _smooth_applied(self, E: Illuminances, sharpness: float) -> mi.TensorXf:
-        """Twin of `_applied`, with gradients."""
-        if self.groups is not None:
-            return self.groups.smooth(E, sharpness)
-        threshold, area = self.rules.shade_threshold, self.rules.shade_area
-        closed = smooth.shade_closed(E.direct, threshold, area, sharpness=sharpness)
-        return smooth.applied(E.open, E.shaded, closed)
 
     def _year(self, open: np.ndarray, direct: np.ndarray, total: np.ndarray) -> StandardYear:
         """Hours of the standard without errors of E [lx]; `total` has the shade applied."""
@@ -157,6 +199,15 @@ class Requirement:
             return hours / (needed * step) - 1
         stamps = smooth_step.stamps_reached(E, quantity.threshold, sharpness)
         return (smooth_step.share(stamps, needed, sharpness, area) - limit.at_least) / 100
+
+
+def asked_of(
+    case: Case, light: Daylight, groups: FacadeGroups | None = None
+) -> Requirement | None:
+    """Level that `[design]` asks for; None without a standard. Errors: `Requirement.of`."""
+    if case.design is None or case.design.standard is None:
+        return None
+    return Requirement.of(case, case.design.standard, case.design.level, light, groups)
 
 
 def _taken(E: mi.TensorXf, at: np.ndarray, sensors: np.ndarray | None) -> mi.TensorXf:
