@@ -103,15 +103,14 @@ TASKS = {
 }
 
 
-@pytest.mark.parametrize("task", ["film", "interior"])
-def test_what_counts_no_photons_refuses_components(task):
+def test_the_year_of_a_film_refuses_components():
     room = case(
         components={"pipe": PIPE},
         facade={"south": {"strips": [{"bottom": 1, "top": 2, "material": "glass"}]}},
         design={"film": "opal"},
     )
     with pytest.raises(InputError, match='counts no light by way of "pipe"'):
-        TASKS[task](room)
+        FilmYear.of(room)
 
 
 @pytest.mark.parametrize("task", [*TASKS, "optimise"])
