@@ -152,7 +152,10 @@ class Interior:
         case.refuse_overruled("the search for reflectances")
         start = reflectances(case)
         if not start:
-            raise InputError(case.source, "room", "there is no surface", "add a [room]")
+            got = "there is no surface"
+            if case.model is not None:
+                got = "surfaces of a model are no parameters"
+            raise InputError(case.source, "room", got, "add a [room]")
         traced = {key: max(value, DARKEST) for key, value in start.items()}
         at = with_reflectances(case, traced)
         groups, of_panes = None, prepared(case).groups.states

@@ -30,8 +30,10 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.standards import Refusal, read, verdict
 from drcmitsuba.standards.standard import Limit
 from drcmitsuba.transport.elements.state_illuminances import Illuminances
+from tests import ROOT
 from tests.fast import slowly
 from tests.synthetic_year import SyntheticYear, Tiles
+from tests.system.every_room import MODELS, write_models
 
 CASE = """
 name = "small room"
@@ -171,6 +173,16 @@ def test_façades_that_the_search_cannot_hold_are_refused(tmp_path, changes, sai
     (tmp_path / "case.toml").write_text(text)
     with pytest.raises(InputError, match=said):
         Facades.of(load_case(tmp_path / "case.toml"))
+
+
+def test_a_model_is_refused_in_the_words_of_the_page_on_limits(tmp_path):
+    write_models(tmp_path)
+    (tmp_path / "case.toml").write_text(MODELS["Honeybee model"] + '[design]\nfilm = "opal"\n')
+    with pytest.raises(InputError) as caught:
+        Facades.of(load_case(tmp_path / "case.toml"))
+    said = "knows no panes or walls of a model"
+    assert str(caught.value).endswith(f"change of a façade {said}; let optimise search them")
+    assert said in (ROOT / "docs" / "limits.md").read_text()
 
 
 def test_a_refusal_stands_in_the_place_of_a_change(file, judged):
