@@ -17,6 +17,7 @@ from drcmitsuba.design.change_search import least_change
 from drcmitsuba.design.cheapest_change import cheapest_change, cheapest_changes
 from drcmitsuba.design.composed_facades import ComposedFacade, Facades
 from drcmitsuba.design.facade_maps import Panes, Strips, Window
+from drcmitsuba.design.facade_tiles import Tiles as FacadeTiles
 from drcmitsuba.design.goal import Goal
 from drcmitsuba.design.optimise import Search
 from drcmitsuba.design.parameters import Parameter
@@ -277,6 +278,21 @@ def test_façades_of_groups_are_evaluations_of_their_own(tmp_path, kind):
     least = standard.levels[0].limits[of_sda].at_least
     of_point = 100 / E.sizes["sensor"]
     assert abs(100 * counted[of_sda] + least - judged.quantities["sDA"].value) < 1.5 * of_point
+
+
+def test_a_façade_without_a_pane_of_any_group_has_no_shade(tmp_path):
+    south = GROUPS[: GROUPS.index("[groups.west]")]
+    (tmp_path / "case.toml").write_text(CASE + 'side = "south"\n' + south + WEST)
+    case, tiles = load_case(tmp_path / "case.toml"), FacadeTiles(np.array([[0.0, 3.0, 1.2, 2.4]]))
+    names = ["wall", "glass", "film"]
+    with_glass, of_film = (
+        realise(case, "south", tiles, np.array([share]), names, "film")
+        for share in ([0.0, 0.5, 0.5], [0.0, 0.0, 1.0])
+    )
+    assert with_glass.groups == case.groups
+    assert with_glass.shading == case.shading
+    assert of_film.groups == {}
+    assert of_film.shading is None  # it would cover the glass to the west, which is in no group
 
 
 # Years by formula -----------------------------------------------------------------------------
