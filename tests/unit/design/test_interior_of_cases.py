@@ -49,7 +49,7 @@ def with_component(kind, folder, seed=0, replicates=2):
         period={"months": [3], "hours": (12, 13), "days_per_week": 1},
         accuracy={"seed": seed, "replicates": replicates, "paths": 128, "cell_size": 0.3,
                   "cell_sky_rays": 64, "sensor_sky_rays": 512,
-                  "photons": 256 if kind == "pipe" else 2048,
+                  "photons": 128 if kind == "pipe" else 2048,
                   "sensor_square": 0.5},
     )  # fmt: skip
 
