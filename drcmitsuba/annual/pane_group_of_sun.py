@@ -79,6 +79,14 @@ class PaneGroupOfSun:
             As from `sensor_points`.
         """
         dim = "sun" if "sun_straight" in C else "bin"
+        coords = {dim: np.array(self.suns.labels, object)}
+        group = self.of_sensors(points, normals)
+        values = xr.DataArray(group, dims=("sensor", dim), coords=coords)
+        values = values.astype(np.float32).reindex({dim: C[dim]}, fill_value=np.float32(-1))
+        return C.assign(pane_group=values.drop_vars(dim))
+
+    def of_sensors(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """Group of every sun of `suns` at sensors, −1 for none, int, shape (sensor, sun)."""
         contents = [world.content for world in (self.whole, *self.without)]
         about, seed = (
             f"{self.name}, groups of panes",
@@ -86,10 +94,7 @@ class PaneGroupOfSun:
         )
         kept = self.run.kept(about, *contents, points, normals, seed, self.suns)
         made = kept.kept(len(points), partial(self._of_points, points, normals, seed))
-        coords = {dim: np.array(self.suns.labels, object)}
-        values = xr.DataArray(made["group"].values, dims=("sensor", dim), coords=coords)
-        values = values.astype(np.float32).reindex({dim: C[dim]}, fill_value=np.float32(-1))
-        return C.assign(pane_group=values.drop_vars(dim))
+        return np.asarray(made["group"].values)
 
     def _of_points(self, points: np.ndarray, normals: np.ndarray, seed: int) -> xr.Dataset:
         """Number of the group of every sun (sensor, sun)."""

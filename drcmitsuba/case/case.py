@@ -180,34 +180,6 @@ class Case(Table):
             got = f"{task} simulates what it needs"
             raise InputError(self.source, f"effects.{name}", got, 'leave it "auto"')
 
-    def refuse_components(self, task: str) -> None:
-        """Raise InputError where a component is placed, or an effect is not "auto".
-
-        The task simulates no light by way of components, and ignores choices of effects.
-        """
-        self.refuse_overruled(task)
-        if self.standing:
-            got = f"{task} counts no light by way of {shortened(self.standing[0])}"
-            raise InputError(self.source, "components", got, "leave them out, or use evaluate")
-
-    def refuse_groups(self, task: str, changes: Side | None = None) -> None:
-        """Raise InputError where groups of panes close one by one: the task closes all together.
-
-        The side that the task `changes` may get clear panes.
-        """
-        got = f"{task} knows one shade for all panes"
-        if self.groups:
-            raise InputError(self.source, "groups", got, "leave them out, or use evaluate")
-        clear = {
-            side
-            for side, facade in self.facade.items()
-            if any(self.is_clear(strip.material) for strip in facade.strips)
-        }
-        clear |= set() if changes is None else {changes}
-        if self.shading is not None and self.shading.groups == "facing" and len(clear) > 1:
-            remedy = 'give groups = "together" in [shading], or use evaluate'
-            raise InputError(self.source, "shading.groups", f"{got}, not façade by façade", remedy)
-
     def is_clear(self, name: str) -> bool:
         """Whether a strip's material is a hole or clear glass; the shade covers these only."""
         return name == "open" or isinstance(self.materials.get(name), GlazingMaterial)

@@ -66,6 +66,10 @@ class Facades:
         if case.design is not None and case.design.component is not None:
             got = "the tilt of lamellae is searched, not a façade"
             raise InputError(case.source, "design.component", got, "name a film in its place")
+        if case.model is not None:
+            got = "the cheapest change of a façade knows no panes or walls of a model"
+            remedy = "let optimise search them"
+            raise InputError(case.source, "model", got, remedy)
         if isinstance(case.sun, Adaptive):  # its mesh would follow one composition
             case = case.with_tables(sun=TrueSun())
         layout = Layout.of(case)

@@ -33,6 +33,7 @@ from drcmitsuba.metrics import accumulate
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.runtime.random_streams import Draw, Key
+from drcmitsuba.runtime.toml import shortened
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import mean_and_error
@@ -98,6 +99,13 @@ class CellDeposit(Deposit):
             dr.eval(out)
         sky = mi.TensorXf(mi.Float(out), (count, sum(self.bins) - suns))
         return Irradiance(sky, dr.zeros(mi.TensorXf, (count, suns)))
+
+
+def _refuse_components(case: Case) -> None:
+    """Refuse components: what a film sends into them is not followed, and W would lack it."""
+    if case.standing:
+        got = f"the year of a film counts no light by way of {shortened(case.standing[0])}"
+        raise InputError(case.source, "components", got, "leave them out, or use evaluate")
 
 
 def _mount(case: Case, films: Films | None) -> Mount:
@@ -183,7 +191,8 @@ class FilmYear:
             The case has no film or several, a film whose parts have different surroundings, colours
             or the adaptive sun model.
         """
-        case.refuse_components("the year of a film")
+        case.refuse_overruled("the year of a film")
+        _refuse_components(case)
         if isinstance(case.sun, Adaptive):
             raise InputError(case.source, "sun.model", "adaptive", 'take "true_sun"')
         if scene.is_coloured(case):

@@ -18,8 +18,11 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from drcmitsuba.annual.pane_group_of_sun import PaneGroupOfSun
+from drcmitsuba.annual.run import Run
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.groups import State
+from drcmitsuba.case.groups import OPEN
+from drcmitsuba.design.facade_groups import FacadeGroups
 from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.design.surface_kinds import FRAMES, WALLS
 from drcmitsuba.design.traced_room import TracedRoom
@@ -28,6 +31,8 @@ from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.runtime.toml import choose, shortened
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.materials import channel_of
+from drcmitsuba.scene.prepared_case import prepared
+from drcmitsuba.schema import positions
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.transport.elements.state_illuminances import Illuminances
 
@@ -110,7 +115,10 @@ class Interior:
     source : str
         Name of the case in messages.
     states : tuple of TracedRoom
-        The room with its shade open and, where the case has one, with its shade closed.
+        The room with its shade open and, where something closes, in the other states of `groups`.
+    groups : FacadeGroups, optional
+        Groups of panes or the one shade, by whose states E is applied: `groups.applied(E)`, and
+        with gradients `groups.smooth(E, sharpness)`.
 
     Notes
     -----
@@ -126,6 +134,7 @@ class Interior:
     step_hours: float
     source: str
     states: tuple[TracedRoom, ...]
+    groups: FacadeGroups | None = None
 
     @classmethod
     def of(cls, case: Case, daylight: Daylight, stage: Stage = silent) -> Interior:
@@ -136,24 +145,29 @@ class Interior:
         Raises
         ------
         InputError
-            The case is coloured, has no surfaces or too many kinds of them, or one name stands for
-            two reflectances.
+            The case is coloured, has no surfaces or too many kinds of them, one name stands for
+            two reflectances, or groups of panes take too many states.
         """
         case = case.without_polish()
-        case.refuse_components("the search for reflectances")
-        case.refuse_groups("the search for reflectances")
+        case.refuse_overruled("the search for reflectances")
         start = reflectances(case)
         if not start:
-            raise InputError(case.source, "room", "there is no surface", "add a [room]")
+            got = "there is no surface"
+            if case.model is not None:
+                got = "surfaces of a model are no parameters"
+            raise InputError(case.source, "room", got, "add a [room]")
         traced = {key: max(value, DARKEST) for key, value in start.items()}
         at = with_reflectances(case, traced)
+        groups, of_panes = None, prepared(case).groups.states
+        if len(of_panes):
+            groups = FacadeGroups.of_case(case, of_panes, daylight.sky["time"])
         states: list[TracedRoom] = []
-        names: list[State] = ["open"] if case.shading is None else ["open", "shaded"]
-        for name in names:
+        for name in (OPEN,) if groups is None else groups.states:
+            by = _groups_of_suns(at, daylight) if name == OPEN else ()
             with stage(f"{name} façade") as done:
-                states.append(TracedRoom.of(at, name, daylight, traced, done))
+                states.append(TracedRoom.of(at, name, daylight, traced, done, by))
         months = daylight.sky["clock"].dt.month.values
-        return cls(start, traced, months, daylight.step_hours, case.source, tuple(states))
+        return cls(start, traced, months, daylight.step_hours, case.source, tuple(states), groups)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -179,7 +193,7 @@ class Interior:
         Returns
         -------
         Illuminances
-            E (time, sensor) [lx]; without a shade, `shaded` is `open`.
+            E (time, sensor) [lx], in all states of `groups`; without a shade, `shaded` is `open`.
 
         Raises
         ------
@@ -187,8 +201,10 @@ class Interior:
             A key is unknown, or a value is not in 0 … 1.
         """
         ratios = self._ratios(rho)
-        E = [state.illuminance(ratios) for state in self.states]
-        return Illuminances(E[0], E[-1], self.states[0].deposited.direct)
+        first, *others = (state.illuminance(ratios) for state in self.states)
+        closed, *others = others or [first]
+        D = self.states[0].deposited
+        return Illuminances(first, closed, D.direct, tuple(others), D.by_group)
 
     def standard_error(self, rho: Mapping[str, mi.Float | float]) -> np.ndarray:
         """Standard error of the mean over time, shade open, (sensor,) [lx].
@@ -198,3 +214,15 @@ class Interior:
         return self.states[0].standard_error(
             self._ratios({k: dr.detach(v) for k, v in rho.items()})
         )
+
+
+def _groups_of_suns(case: Case, daylight: Daylight) -> list[np.ndarray]:
+    """Masks (sensor, bin) of straight light by each group of panes; none of one group."""
+    points, normals = prepared(case).receivers.at()
+    by = PaneGroupOfSun.of(case, OPEN, daylight.suns, Run.of(case))
+    if by is None:
+        return []
+    labels = [*map(str, daylight.sky["bin"].values), *daylight.suns.labels]
+    group = np.full((len(points), len(labels)), -1)
+    group[:, positions([*by.suns.labels], labels)] = by.of_sensors(points, normals)
+    return [group == g for g in range(len(prepared(case).groups))]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -17,20 +17,20 @@ from drcmitsuba.design.surface_kinds import marked
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.runtime.progress import Progress
-from drcmitsuba.runtime.random_streams import Stream, number_in_replicate
+from drcmitsuba.runtime.random_streams import Stream, launch_seed, number_in_replicate
 from drcmitsuba.scene.prepared_case import prepared
-from drcmitsuba.scene.scene import Scene
+from drcmitsuba.scene.scene import Scene, load
 from drcmitsuba.schema import positions
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.luminances import blended
 from drcmitsuba.sky.sun_models import Blend
-from drcmitsuba.transport.cells.points import CellPoints
 from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.films.films import Films
 from drcmitsuba.transport.gather.blocks import Gathered
 from drcmitsuba.transport.interreflection.solved_cells import solved
 from drcmitsuba.transport.light.irradiance import Irradiance
 from drcmitsuba.transport.panes.patches import PanePatches
+from drcmitsuba.transport.photons.tracer import PhotonTracer
 
 
 @dataclass(frozen=True)
@@ -96,6 +96,8 @@ class Deposited(NamedTuple):
     cells : mi.TensorXf, shape (time, cell)
     sensor_means, cell_means : np.ndarray, shape (replicate, sensor), (replicate, cell)
         Mean over time in each replicate.
+    by_group : tuple of mi.TensorXf, shape (time, sensor)
+        Illuminance of the sensors by the direct sun that comes by each group of panes.
     """
 
     sensors: mi.TensorXf
@@ -103,6 +105,7 @@ class Deposited(NamedTuple):
     cells: mi.TensorXf
     sensor_means: np.ndarray
     cell_means: np.ndarray
+    by_group: tuple[mi.TensorXf, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -124,9 +127,11 @@ class TracedRoom:
     @classmethod
     def of(
         cls, case: Case, state: State, daylight: Daylight, rho: Mapping[str, float],
-        progress: Progress,
+        progress: Progress, groups: Sequence[np.ndarray] = (),
     ) -> TracedRoom:  # fmt: skip
         """Trace rays and deposits at a case's reflectances `rho`, and multiply deposits by L.
+
+        `groups` are masks (sensor, bin) of straight light that comes by each group of panes.
 
         Raises
         ------
@@ -144,7 +149,9 @@ class TracedRoom:
         if not gathered.cells.count:
             raise InputError(case.source, "sensors", "no surface in their sight", "add a [room]")
         gathered, transfer = solved(world, gathered, a, marks)
-        D = _deposited(case, world, daylight, points, normals, gathered.drawn, progress)
+        # Images of the suns, and photons, know surfaces by the shapes of the scene as loaded.
+        loaded = load(case, state)
+        D = _deposited(case, loaded, daylight, points, normals, gathered, groups, progress)
         met = gathered.met(slice(0, n))
         return cls(
             D, RoomMatrices.of(met, transfer, n, gathered.cells.count),
@@ -171,9 +178,9 @@ def _by_mark(ratios: list[mi.Float]) -> mi.Float:
 
 def _deposited(
     case: Case, world: Scene, daylight: Daylight, points: np.ndarray, normals: np.ndarray,
-    drawn: CellPoints, progress: Progress,
+    gathered: Gathered, groups: Sequence[np.ndarray], progress: Progress,
 ) -> Deposited:  # fmt: skip
-    """Average D·L over the replicates, with the points on the cells that each has `drawn`."""
+    """Average D·L over the replicates, with the points on the cells that each has drawn."""
     a, suns, year = case.accuracy, daylight.suns, AnnualIlluminance.of(daylight)
     panes, size = [panes.quads for panes in world.scattering], 2 * a.cell_size
     base = Deposit(
@@ -184,23 +191,41 @@ def _deposited(
     p, n, places = flat(points), flat(normals), dr.arange(mi.UInt32, len(points))
     disks = base.disks(p, n, places, None)
     samples = a.sensor_sun_samples if suns.straight else 0
+    photons = PhotonTracer.of(
+        world, points, normals, suns.directions, suns.diameter, case.sky.subdivision, a
+    )
     sums: tuple[mi.TensorXf, ...] = ()
     sensor_means, cell_means = [], []
-    for r, on_cells in enumerate(drawn.apart()):
+    for r, on_cells in enumerate(gathered.drawn.apart()):
         deposit, key, cell_key = base.lit(r), (Stream.SENSORS,), (Stream.CELLS,)
         q, facing = on_cells.p, on_cells.n
         numbers = number_in_replicate(places, r)
         straight = deposit.straight_on_sensors(p, n, places, range(r, r + 1), samples, None, disks)
-        before = year.by_all(straight.plus(deposit.scattered(p, n, key, numbers)))
+        direct = straight.plus(deposit.scattered(p, n, key, numbers))
         of_cells = number_in_replicate(dr.arange(mi.UInt32, dr.width(q) // 3), r)
         D = deposit.straight(q, facing, cell_key, a.cell_sky_rays, numbers=of_cells)
-        cells = year.by_all(D.plus(deposit.scattered(q, facing, cell_key, of_cells)))
-        E = before, year.by_sun(straight), cells
+        D = D.plus(deposit.scattered(q, facing, cell_key, of_cells))
+        if photons is not None:
+            landed = photons.traced(launch_seed(a.seed, Stream.PHOTONS, r))
+            straight = straight.plus(landed.mirrored())
+            direct, D = direct.plus(landed.sensors()), D.plus(landed.on(gathered.cells.keys))
+        before, cells = year.by_all(direct), year.by_all(D)
+        by_group = (year.by_sun(_of_bins(straight, mask)) for mask in groups)
+        E = before, year.by_sun(straight), cells, *by_group
         sums = tuple(x + y for x, y in zip(sums, E, strict=True)) if sums else E
         dr.eval(sums)
         sensor_means.append(dr.mean(before, axis=0).numpy())
         cell_means.append(dr.mean(cells, axis=0).numpy())
         progress((r + 1) / a.replicates)
-    sensors, direct, on_cells = (x / a.replicates for x in sums)
-    dr.eval(sensors, direct, on_cells)
-    return Deposited(sensors, direct, on_cells, np.stack(sensor_means), np.stack(cell_means))
+    sensors, sun, lit, *sun_by_group = (x / a.replicates for x in sums)
+    dr.eval(sensors, sun, lit, *sun_by_group)
+    means = np.stack(sensor_means), np.stack(cell_means)
+    return Deposited(sensors, sun, lit, *means, tuple(sun_by_group))
+
+
+def _of_bins(d: Irradiance, mask: np.ndarray) -> Irradiance:
+    """D of some bins, by a mask (receiver, bin)."""
+    of_bins = np.split(mask.astype(np.float32), [d.sky.shape[1]], axis=1)
+    return Irradiance(
+        *(part * mi.TensorXf(np.ascontiguousarray(m)) for part, m in zip(d, of_bins, strict=True))
+    )

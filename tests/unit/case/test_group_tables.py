@@ -87,13 +87,6 @@ def test_unfit_groups_are_one_line(tmp_path, text, message):
     assert "\n" not in str(caught.value)
 
 
-def test_tasks_with_one_shade_refuse_groups(tmp_path):
-    for text in (SHADE, SHADE + '[groups.a]\npanes = ["glass"]\n'):
-        with pytest.raises(InputError, match="knows one shade for all panes"):
-            case(tmp_path, text).refuse_groups("a search")
-    case(tmp_path, SHADE + 'groups = "together"\n').refuse_groups("a search")
-
-
 def test_a_schedule_names_states_or_their_numbers(tmp_path):
     file = tmp_path / "s.csv"
     rows = ["open", "fabric", "1", " 0"] * (HOURS // 4)
@@ -143,7 +136,7 @@ def test_smooth_plastic_is_no_mirror_beside_groups_of_panes(table, mirrors, tmp_
         "lowers the illuminance" in n and "mesh of suns" in n for n in case.building.notes
     ) == (not mirrors)
     dull = case.without_polish()
-    dull.refuse_components("a task without mirrors")
+    assert not dull.standing
     assert any("lowers the illuminance" in n for n in dull.building.notes)
     floor = next(layer for layer in case.building.layers if layer.name == "floor")
     assert floor.material.reflectance == pytest.approx(0.2 * 0.97 + 0.03)

@@ -17,6 +17,7 @@ from drcmitsuba.design.change_search import least_change
 from drcmitsuba.design.cheapest_change import cheapest_change, cheapest_changes
 from drcmitsuba.design.composed_facades import ComposedFacade, Facades
 from drcmitsuba.design.facade_maps import Panes, Strips, Window
+from drcmitsuba.design.facade_tiles import Tiles as FacadeTiles
 from drcmitsuba.design.goal import Goal
 from drcmitsuba.design.optimise import Search
 from drcmitsuba.design.parameters import Parameter
@@ -30,8 +31,10 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.standards import Refusal, read, verdict
 from drcmitsuba.standards.standard import Limit
 from drcmitsuba.transport.elements.state_illuminances import Illuminances
+from tests import ROOT
 from tests.fast import slowly
 from tests.synthetic_year import SyntheticYear, Tiles
+from tests.system.every_room import MODELS, write_models
 
 CASE = """
 name = "small room"
@@ -173,6 +176,16 @@ def test_façades_that_the_search_cannot_hold_are_refused(tmp_path, changes, sai
         Facades.of(load_case(tmp_path / "case.toml"))
 
 
+def test_a_model_is_refused_in_the_words_of_the_page_on_limits(tmp_path):
+    write_models(tmp_path)
+    (tmp_path / "case.toml").write_text(MODELS["Honeybee model"] + '[design]\nfilm = "opal"\n')
+    with pytest.raises(InputError) as caught:
+        Facades.of(load_case(tmp_path / "case.toml"))
+    said = "knows no panes or walls of a model"
+    assert str(caught.value).endswith(f"change of a façade {said}; let optimise search them")
+    assert said in (ROOT / "docs" / "limits.md").read_text()
+
+
 def test_a_refusal_stands_in_the_place_of_a_change(file, judged):
     levels = tuple(replace(level, reached=True) for level in judged.levels)
     full, vague = replace(judged, levels=levels), replace(judged, undecided="numbers are unsure")
@@ -265,6 +278,21 @@ def test_façades_of_groups_are_evaluations_of_their_own(tmp_path, kind):
     least = standard.levels[0].limits[of_sda].at_least
     of_point = 100 / E.sizes["sensor"]
     assert abs(100 * counted[of_sda] + least - judged.quantities["sDA"].value) < 1.5 * of_point
+
+
+def test_a_façade_without_a_pane_of_any_group_has_no_shade(tmp_path):
+    south = GROUPS[: GROUPS.index("[groups.west]")]
+    (tmp_path / "case.toml").write_text(CASE + 'side = "south"\n' + south + WEST)
+    case, tiles = load_case(tmp_path / "case.toml"), FacadeTiles(np.array([[0.0, 3.0, 1.2, 2.4]]))
+    names = ["wall", "glass", "film"]
+    with_glass, of_film = (
+        realise(case, "south", tiles, np.array([share]), names, "film")
+        for share in ([0.0, 0.5, 0.5], [0.0, 0.0, 1.0])
+    )
+    assert with_glass.groups == case.groups
+    assert with_glass.shading == case.shading
+    assert of_film.groups == {}
+    assert of_film.shading is None  # it would cover the glass to the west, which is in no group
 
 
 # Years by formula -----------------------------------------------------------------------------

@@ -11,6 +11,7 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene import components
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
+from tests import ROOT
 from tests.unit.scene.component_cases import (
     CUBE,
     DUCT,
@@ -103,15 +104,15 @@ TASKS = {
 }
 
 
-@pytest.mark.parametrize("task", ["film", "interior"])
-def test_what_counts_no_photons_refuses_components(task):
+def test_the_year_of_a_film_refuses_components():
     room = case(
         components={"pipe": PIPE},
         facade={"south": {"strips": [{"bottom": 1, "top": 2, "material": "glass"}]}},
         design={"film": "opal"},
     )
-    with pytest.raises(InputError, match='counts no light by way of "pipe"'):
-        TASKS[task](room)
+    with pytest.raises(InputError, match='a film counts no light by way of "pipe"'):
+        FilmYear.of(room)
+    assert "counts no light by way of them" in (ROOT / "docs" / "limits.md").read_text()
 
 
 @pytest.mark.parametrize("task", [*TASKS, "optimise"])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from drcmitsuba.case.reading import load_case
+from drcmitsuba.design.film_year import FilmYear
 from drcmitsuba.model.materials import DielectricMaterial, MirrorMaterial
 from drcmitsuba.model.radiance import bodies
 from drcmitsuba.plan.planning import plan
@@ -95,8 +96,8 @@ def test_a_plan_follows_mirrors_of_a_model(tmp_path):
     assert "ceiling" in json.dumps(entry)
 
 
-def test_tasks_without_photons_refuse_mirrors_of_a_model(tmp_path):
+def test_the_year_of_a_film_refuses_mirrors_of_a_model(tmp_path):
     with pytest.raises(InputError, match="mesh of suns would blur"):
         mirrored(tmp_path, '[sun]\nmodel = "adaptive"\n')
     with pytest.raises(InputError, match='by way of "ceiling"'):
-        mirrored(tmp_path).refuse_components("this task")
+        FilmYear.of(mirrored(tmp_path))
