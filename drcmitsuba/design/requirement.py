@@ -201,9 +201,7 @@ class Requirement:
         return (smooth_step.share(stamps, needed, sharpness, area) - limit.at_least) / 100
 
 
-def asked_of(
-    case: Case, light: Daylight, groups: FacadeGroups | None = None
-) -> Requirement | None:
+def asked_of(case: Case, light: Daylight, groups: FacadeGroups | None = None) -> Requirement | None:
     """Level that `[design]` asks for; None without a standard. Errors: `Requirement.of`."""
     if case.design is None or case.design.standard is None:
         return None
