@@ -58,6 +58,7 @@ class SyntheticYear:
     """E[time, sensor] = Σ share[tile, material] · basis[tile, material, time, sensor]."""
 
     groups = None
+    daylight = None
     tiles: Tiles
     time: int = 240
     grid: tuple = (5, 8)

@@ -434,7 +434,7 @@ def test_strips_are_tried_first_as_a_designer_would(year):
         ({"rows": 3, "row_height": 0.1}, "design.row_height: rows are given too; give one of them"),
         ({"wwr": [0.6, 0.2]}, "design.wwr: 0.6 to 0.2; give the lower value first"),
         ({"objective": "area"}, "design.sda_least: the objective is the least area, of which "
-         "nothing is asked; give the least sDA [%], sda_least = 55"),
+         "nothing is asked; give the least sDA [%], sda_least = 55, or the name of a standard"),
         ({"sda_least": 55}, "design.sda_least: the objective is sDA; leave it out, or give "
          'objective = "area"'),
         ({"starts": 0}, "design.starts: got 0; input should be greater than or equal to 1"),
@@ -452,7 +452,9 @@ def test_a_tilt_has_no_area():
     with pytest.raises(InputError, match="sda_least: the tilt of a component is searched"):
         checked(Design, tables, "room.toml")
     del tables["sda_least"]
-    with pytest.raises(InputError, match="objective: the tilt of a component has no area; give"):
+    with pytest.raises(
+        InputError, match="objective: the tilt of a component is searched by sDA or msDA"
+    ):
         checked(Design, tables, "room.toml")
 
 

@@ -210,5 +210,5 @@ def quarter(light: str, number: int, ours: np.ndarray, theirs: np.ndarray) -> Co
     return Coverage(
         light, number, float(sums.mean() / whole.mean() - 1), float(noise / whole.mean()),
         float(share.mean()), float(share_error),
-        float(np.median((stated / mean)[:, lit])),
+        float(np.median(stated[:, lit] / mean[lit])),
     )  # fmt: skip
