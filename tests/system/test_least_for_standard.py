@@ -1,6 +1,7 @@
 """The least area that reaches a level of a standard, or the best margin of it: sweeps, verdicts."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from drcmitsuba.design.layout import Layout
 from drcmitsuba.design.model_layout import ModelLayout
 from drcmitsuba.design.optimise import optimise
 from drcmitsuba.runtime import backend
+from drcmitsuba.standards import Evidence, verdict
 from tests.system.every_room import MODELS, write_models
 
 BOX = """
@@ -62,7 +64,7 @@ def write(folder, design, period=YEAR, spacing=0.6):
     return file
 
 
-def test_the_least_window_is_that_of_a_sweep(tmp_path):
+def test_the_least_window_is_that_of_a_sweep(run, tmp_path):
     file = write(tmp_path, AREA + WINDOW)
     layout = Layout.of(drcmitsuba.load_case(file))
     problem = layout.problem(layout.year())
@@ -71,7 +73,8 @@ def test_the_least_window_is_that_of_a_sweep(tmp_path):
     scores = [problem.evaluate(np.array([w, 0.0]), 8.0).hard for w in windows]
     least = next(w for w, s in zip(windows, scores, strict=True) if s.margin >= 0)
     assert STEP < least < 0.25
-    best = optimise(problem, layout.search, known=layout.known(problem)).best
+    optimum = optimise(problem, layout.search, known=layout.known(problem))
+    best = optimum.best
     tile = problem.year.tiles.area.sum()
     assert best.hard.margin >= 0
     assert (least - STEP) * tile < best.hard.window_area <= least * tile * (1 + 1e-5)
@@ -81,6 +84,25 @@ def test_the_least_window_is_that_of_a_sweep(tmp_path):
     for i in range(2):
         ends = [problem.evaluate(at + s * h[i], 8.0).smooth.aim for s in (1, -1)]
         assert gradient[i] == pytest.approx((ends[0] - ends[1]) / (2 * h[i, i]), rel=0.01)
+    _is_judged_as_by_comply(layout, optimum, run, tmp_path)
+
+
+def _is_judged_as_by_comply(layout, optimum, run, folder):
+    """The verdict on the optimum is that of `comply` on a case file with its strips."""
+    mine = verdict("well-l01", Evidence.of_result(layout.afresh(optimum))).levels[0]
+    strips = ", ".join(
+        f'{{ bottom = {s.bottom!r}, top = {s.top!r}, material = "{s.material}" }}'
+        for s in layout.built(optimum).facade["south"].strips
+    )
+    text = BOX.split("[design]")[0].format(period=YEAR, spacing=0.6)
+    file = folder / "found.toml"
+    file.write_text(re.sub(r"strips = \[.*\]", f"strips = [{strips}]", text))
+    code, _, err = run("comply", file, "--standard", "well-l01", "-o", folder / "judged")
+    assert (code, err) == (0, "")
+    [judged] = json.loads((folder / "judged" / "compliance.json").read_text())["standards"]
+    [theirs] = judged["levels"]
+    assert (theirs["reached"], theirs["probability"]) == (mine.reached, mine.probability)
+    assert theirs["margin"]["value"] == pytest.approx(mine.margin.value)
 
 
 def test_the_command_says_whether_the_level_is_reached_afresh(run, tmp_path):
@@ -112,14 +134,16 @@ def test_the_least_film_of_a_model_is_that_of_a_sweep(tmp_path):
     text = text.replace("spacing = 1.4", "spacing = 0.6")
     file = tmp_path / "case.toml"
     design = 'film = "opal"\nase_limit = 100.0\npareto = 0\nsharpness = [8.0]\npanes = ["*_2"]\n'
-    file.write_text(f"{text}[design]\n{design}{AREA}")
+    file.write_text(f"{text}[design]\n{design}{LEED}".replace("3 points", "2 points"))
     layout = ModelLayout.of(drcmitsuba.load_case(file))
     problem = layout.problem(layout.year())
     films = np.arange(0, 1 + STEP / 2, STEP)
     margins = [problem.evaluate(np.array([film]), 8.0).hard.margin for film in films]
     optimum = optimise(problem, layout.search, known=layout.known(problem))
-    reached = np.array(margins) >= 0
-    assert optimum.is_feasible == reached.any()
+    least = films[np.argmax(np.array(margins) >= 0)]
+    assert STEP < least < 0.9
+    film = optimum.best.hard.film_area / problem.year.tiles.area.sum()
+    assert least - STEP < film <= least * (1 + 1e-5)
 
 
 BAD = {
