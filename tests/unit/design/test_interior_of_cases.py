@@ -87,7 +87,7 @@ def with_groups(kind, folder, seed=0):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", slowly(["facing", "groups"], "groups"))
+@pytest.mark.parametrize("kind", slowly(["facing", "groups"], "facing", "groups"))
 def test_states_of_groups_equal_an_evaluation(tmp_path, kind):
     """E as the groups close, of other paints, beside an evaluation of its own with other paths."""
     case = with_groups(kind, tmp_path)

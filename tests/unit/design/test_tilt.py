@@ -135,7 +135,7 @@ GROUPS = {
 }
 
 
-@pytest.mark.parametrize("kind", slowly(["scheduled", "facing", "groups"], "facing", "groups"))
+@pytest.mark.parametrize("kind", slowly(["facing", "groups", "scheduled"], "groups", "scheduled"))
 def test_groups_take_the_states_of_an_evaluation(tmp_path, kind):
     """E in the states that groups take, and its twin, beside an evaluation with the same seed."""
     hours = [f"2015-{day}T{hour:02d}:00" for day in ("03-20", "12-21") for hour in (8, 11, 13, 15)]
