@@ -17,7 +17,6 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, State
 from drcmitsuba.case.sun import Adaptive, TrueSun
 from drcmitsuba.design import present_facade
-from drcmitsuba.design.facade_groups import FacadeGroups
 from drcmitsuba.design.facade_tiles import TiledLight
 from drcmitsuba.design.facade_year import FacadeYear
 from drcmitsuba.design.layout import Layout
@@ -115,7 +114,7 @@ class ComposedFacade:
         tiled, groups = self.tiled, self.tiled.groups
         index = int(state != OPEN)
         if groups is not None:
-            index = int(_places(groups, np.array(groups.rule.groups.indices(state))))
+            index = int(groups.places(np.array(groups.rule.groups.indices(state))))
         C = tiled.coefficients(self.share, index)
         C = C.assign_coords(prepared(self.case).receivers.coordinates.coords)
         if groups is not None and state == OPEN:
@@ -131,7 +130,7 @@ class ComposedFacade:
         tiled, groups = self.tiled, self.tiled.groups
         assert groups is not None
         states = np.stack([tiled.shares(self.share, i) for i in range(len(groups.indices))])
-        shares, channels = states[_places(groups, indices)], tiled.channels
+        shares, channels = states[groups.places(indices)], tiled.channels
         L = luminances_of(daylight, channels[0].labels)
         years = [light.illuminance(L, shares) for light in channels]
         E = replicates_of(daylight, years, channels[0].replicates)
@@ -146,9 +145,3 @@ class ComposedFacade:
             marked.pop("schedule", None)
             marked |= groups.rule.groups.attributes() | groups.rule.schedule.attributes()
         return simulated_year(self, case, light, Run.of(case, planned.scope), marked)
-
-
-def _places(groups: FacadeGroups, indices: np.ndarray) -> np.ndarray:
-    """Places of states (…, group) among all that the groups may take, int, shape (…)."""
-    same = (indices[..., None, :] == groups.indices).all(axis=-1)
-    return np.asarray(same.argmax(axis=-1))

@@ -15,6 +15,7 @@ import mitsuba as mi
 import numpy as np
 import xarray as xr
 
+from drcmitsuba import metrics
 from drcmitsuba.annual.attributes import spaces_text
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import GroupStates, State
@@ -98,11 +99,15 @@ class FacadeGroups:
         """States of the façade in the order of `indices`."""
         return tuple(self.rule.groups.label(row) for row in self.indices.tolist())
 
+    def places(self, indices: np.ndarray) -> np.ndarray:
+        """Places in `indices` of states, given by every group's index (…, group), int, (…)."""
+        same = (indices[..., None, :] == self.indices).all(axis=-1)
+        return np.asarray(same.argmax(axis=-1))
+
     @cached_property
     def by_schedule(self) -> np.ndarray:
         """State at each time stamp while no group closes by the rule, an index, int, (time,)."""
-        same = (self._scheduled[:, None] == self.indices).all(axis=-1)
-        return np.asarray(same.argmax(axis=1))
+        return self.places(self._scheduled)
 
     def hours(self, may_close: np.ndarray) -> np.ndarray:
         """Time stamps at which each state has a share, bool, (state, time).
@@ -188,6 +193,19 @@ class FacadeGroups:
                 )
                 opened[g] = opened[g] * step if g in opened else step
         return {g: 1 - share for g, share in opened.items()}
+
+
+def applied(
+    E: Illuminances, direct: xr.DataArray, rules: Rules, groups: FacadeGroups | None
+) -> np.ndarray:
+    """E (time, sensor) [lx] in the groups' states, or as one shade's rule has it.
+
+    `direct` is `E.direct` with the sensors' coordinates, which tell their grids.
+    """
+    if groups is not None:
+        return groups.applied(E)
+    closed = metrics.shade_closed(direct, rules.shade_threshold, rules.shade_area)
+    return np.where(closed.values[:, None], E.shaded.numpy(), E.open.numpy())
 
 
 def smooth_applied(

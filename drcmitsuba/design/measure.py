@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba import metrics
-from drcmitsuba.design.facade_groups import FacadeGroups, smooth_applied
+from drcmitsuba.design.facade_groups import FacadeGroups, applied, smooth_applied
 from drcmitsuba.design.requirement import Requirement
 from drcmitsuba.metrics import smooth
 from drcmitsuba.metrics.intervals.rules import Rules
@@ -30,7 +30,7 @@ NAMES: Mapping[Aim, str] = {
 COLUMNS: Mapping[Aim, str] = {"sDA": "sDA", "worst month": "worst_msDA", "standard": "margin"}
 """Names of the aims in files."""
 SOFTEST = 50.0
-"""Months within SOFTEST / sharpness [%] of the lowest msDA count as the worst together."""
+"""Months, or margins, within SOFTEST / sharpness [%] of the lowest count as the worst together."""
 SHORT = 1e-6
 """Least distance from 0 of the margin of a level that the standard's count does not reach [%]."""
 ASE_TOLERANCE = 1e-9
@@ -167,13 +167,7 @@ class Measure:
             outcome, margins = self.requirement.hard(E)
             least = 100 * float(margins.min())
             return (max(least, 0.0) if outcome.reached else min(least, -SHORT)), ase
-        if self.groups is None:
-            threshold, area = rules.shade_threshold, rules.shade_area
-            closed = metrics.shade_closed(direct_sun, threshold, area).values
-            applied = np.where(closed[:, None], E.shaded.numpy(), E.open.numpy())
-        else:
-            applied = self.groups.applied(E)
-        total = _dated(applied, self.months)
+        total = _dated(applied(E, direct_sun, rules, self.groups), self.months)
         if self.aim == "sDA":
             return metrics.sda(total, t.sda_threshold, t.sda_fraction), ase
         return float(np.nanmin(metrics.msda(total, t.sda_threshold, t.sda_fraction))), ase

@@ -18,10 +18,9 @@ import mitsuba as mi
 import numpy as np
 import xarray as xr
 
-from drcmitsuba import metrics
 from drcmitsuba.annual.attributes import spaces_text
 from drcmitsuba.case.case import Case
-from drcmitsuba.design.facade_groups import FacadeGroups, smooth_applied
+from drcmitsuba.design.facade_groups import FacadeGroups, applied, smooth_applied
 from drcmitsuba.metrics import smooth, smooth_step
 from drcmitsuba.metrics.evaluate_metrics import rules
 from drcmitsuba.metrics.intervals.rules import Rules
@@ -112,7 +111,9 @@ class Requirement:
 
     def hard(self, E: Illuminances) -> tuple[Outcome, np.ndarray]:
         """Outcome of the level by the standard's count, and its margins, shape (margin,)."""
-        year = self._year(E.open.numpy(), E.direct.numpy(), self._applied(E))
+        direct = self.coordinates.assign(E=(("time", "sensor"), E.direct.numpy()))["E"]
+        total = applied(E, direct, self.rules, self.groups)
+        year = self._year(E.open.numpy(), direct.values, total)
         names = dict.fromkeys(limit.quantity for limit in self.level.limits)
         counted = {name: count(self.standard.quantities[name], year) for name in names}
         margins = [
@@ -152,15 +153,6 @@ class Requirement:
         sizes = self.coordinates.sizes
         none = np.zeros((sizes["time"], sizes["sensor"]), np.float32)
         return self._year(none, none, none)
-
-    def _applied(self, E: Illuminances) -> np.ndarray:
-        """E (time, sensor) [lx] with the shade as its rule has it, or in the groups' states."""
-        if self.groups is not None:
-            return self.groups.applied(E)
-        at = self.coordinates.coords
-        direct = xr.DataArray(E.direct.numpy(), at, ("time", "sensor"))
-        closed = metrics.shade_closed(direct, self.rules.shade_threshold, self.rules.shade_area)
-        return np.where(closed.values[:, None], E.shaded.numpy(), E.open.numpy())
 
     def _year(self, open: np.ndarray, direct: np.ndarray, total: np.ndarray) -> StandardYear:
         """Hours of the standard without errors of E [lx]; `total` has the shade applied."""

@@ -116,7 +116,7 @@ class TiltProblem(RatedProblem):
         with stage("sky"):
             daylight = daylight_of(case)
         problem = cls(case, design.component, daylight, goal, tilt, design.tilt_step)
-        problem.groups  # noqa: B018 - may be too many
+        _ = problem.groups  # refused where they take too many states
         return problem
 
     @cached_property
