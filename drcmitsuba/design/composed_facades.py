@@ -71,7 +71,7 @@ class Facades:
             raise InputError(case.source, "model", got, remedy)
         if isinstance(case.sun, Adaptive):  # its mesh would follow one composition
             case = case.with_tables(sun=TrueSun())
-        layout = Layout.of(case)
+        layout = Layout.of(_without_goal(case))
         heights = present_facade.heights(layout)
         backend.select()
         return cls(layout, *layout.light(heights, stage=stage))
@@ -97,6 +97,14 @@ class Facades:
         E = illuminance(coefficients, light.sky, direct)
         E.attrs["step_hours"] = light.step_hours
         return Evidence(E, coefficients, light.sky, drawing(built), layout.case.source)
+
+
+def _without_goal(case: Case) -> Case:
+    """Case without the goal of `optimise` in `[design]`: its standard may ask for other hours."""
+    if case.design is None:
+        return case
+    goal = {"objective": "sDA", "sda_least": None, "standard": None, "level": None}
+    return case.with_tables(design=case.design.model_copy(update=goal))
 
 
 @dataclass(frozen=True, eq=False)

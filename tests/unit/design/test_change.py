@@ -176,6 +176,14 @@ def test_façades_that_the_search_cannot_hold_are_refused(tmp_path, changes, sai
         Facades.of(load_case(tmp_path / "case.toml"))
 
 
+def test_a_standard_that_optimise_searches_for_stops_no_change_for_another(tmp_path):
+    """Its hours, of daylight in a whole year, are not those of this case's period."""
+    searched = 'rows = 1\nobjective = "standard"\nstandard = "en-17037"'
+    (tmp_path / "case.toml").write_text(CASE.replace("rows = 1", searched))
+    facades = Facades.of(load_case(tmp_path / "case.toml"))
+    assert facades.problem.goal.requirement is None
+
+
 def test_a_model_is_refused_in_the_words_of_the_page_on_limits(tmp_path):
     write_models(tmp_path)
     (tmp_path / "case.toml").write_text(MODELS["Honeybee model"] + '[design]\nfilm = "opal"\n')
