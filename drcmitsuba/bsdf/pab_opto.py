@@ -31,6 +31,8 @@ import numpy as np
 from drcmitsuba.bsdf.lobes import directions
 from drcmitsuba.runtime.errors import InputError
 
+LARGEST = 1e30
+"""Largest number, whose square is still finite; f of the sharpest mirror is below 1e9 [1/sr]."""
 MAX_BYTES = 1 << 28
 """Largest size of all files together [byte]."""
 GRAZING = 88.0
@@ -159,7 +161,7 @@ def _angles(path: Path, number: int, key: str, rest: str, count: int) -> list[fl
 
 
 def _numbers(path: Path, number: int, words: list[str], count: int) -> list[float]:
-    """The `count` numbers of a line, all finite."""
+    """The `count` numbers of a line, all finite and at most `LARGEST`."""
     where = f"line {number}"
     if len(words) != count:
         raise InputError(path, where, f"{len(words)} numbers", f"give {count}")
@@ -167,8 +169,9 @@ def _numbers(path: Path, number: int, words: list[str], count: int) -> list[floa
         values = [float(word) for word in words]
     except ValueError:
         raise InputError(path, where, repr(" ".join(words)[:40]), "give numbers") from None
-    if not all(map(np.isfinite, values)):
-        raise InputError(path, where, repr(" ".join(words)[:40]), "give finite numbers")
+    if not all(abs(value) <= LARGEST for value in values):
+        remedy = f"give finite numbers of at most {LARGEST:g}"
+        raise InputError(path, where, repr(" ".join(words)[:40]), remedy)
     return values
 
 

@@ -88,10 +88,12 @@ def most_reflecting(
 def depth(albedo: float, part: float) -> int | None:
     """Number of surfaces after which less than `part` of the light in the room is left.
 
-    After n surfaces at most ρⁿ of the light is left, with ρ the largest albedo; None for ρ ≥ 1.
+    After n surfaces at most ρⁿ of the light is left, with ρ the largest albedo; None for ρ ≥ 1, and
+    so near to 1 that a path's count of its surfaces, of 32 bit, would not hold n.
     """
     if albedo <= 0:
         return 0
     if albedo >= 1:
         return None
-    return max(1, math.ceil(math.log(part) / math.log(albedo)))
+    surfaces = max(1, math.ceil(math.log(part) / math.log(albedo)))
+    return surfaces if surfaces < 1 << 31 else None

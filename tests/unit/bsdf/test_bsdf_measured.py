@@ -143,6 +143,7 @@ BAD = {
     "words": (scan(HEAD, "10 20 1\n10 20 dark\n"), "line 4"),
     "NaN": (scan(HEAD, "10 20 nan\n"), "finite"),
     "infinite": (scan(HEAD, "10 20 1e999\n"), "finite"),
+    "its square is": (scan(HEAD, "10 20 1e300\n"), "at most 1e+30"),
     "theta": (scan(HEAD, "10 20 1\n-10 20 1\n"), "line 4: theta"),
     "negative": (scan(HEAD, "10 20 1\n20 20 -1\n"), "line 4: value"),
     "binary": (bytes(range(256)) * 20, "line 1"),

@@ -74,7 +74,14 @@ def test_the_ground_is_seen_by_sensors_only_where_something_stands():
 
 @pytest.mark.parametrize(
     ("albedo", "part", "surfaces"),
-    [(0.0, 1e-3, 0), (0.5, 1e-3, 10), (0.8, 1e-3, 31), (0.99, 1e-3, 688), (1.0, 1e-3, None)],
+    [
+        (0.0, 1e-3, 0),
+        (0.5, 1e-3, 10),
+        (0.8, 1e-3, 31),
+        (0.99, 1e-3, 688),
+        (1.0, 1e-3, None),
+        (1 - 1e-16, 1e-3, None),
+    ],
 )
 def test_depth_is_where_the_series_has_faded(albedo, part, surfaces):
     depth = panes.depth(albedo, part)
