@@ -67,7 +67,7 @@ def read_many(name, folder, tally, holds, examples):
 
 @pytest.mark.parametrize("name", STRATEGIES)
 def test_a_file_is_read_or_refused_in_one_line(name, folder, tally, holds):
-    read_many(name, folder, tally, holds, 6 if name in SLOW else 25)
+    read_many(name, folder, tally, holds, 6 if name in SLOW else 20)
 
 
 @pytest.mark.slow
@@ -174,7 +174,7 @@ def use_many(kind, good, command, tally, holds, examples):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_results_are_used_or_refused_in_one_line(kind, good, command, tally, holds):
-    use_many(kind, good, command, tally, holds, 8)
+    use_many(kind, good, command, tally, holds, 4)
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ from drcmitsuba_plugins.bsdf_file import Swapped
 
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene.sensors import sensor_points
+from tests.fast import slowly
 from tests.hard.bsdf_cases import BINS, FLOAT, MODES, coefficients, lambertian, load, room, values
 from tests.unit.plugins.test_measured import (
     IMPORTANCE,
@@ -47,7 +48,9 @@ def most(file, mode, w):
 
 @MODES
 @pytest.mark.parametrize("side", [1, -1], ids=["room", "outside"])
-@pytest.mark.parametrize("kind", ["TensorTree4", "TensorTree3", "LBNL/Klems Full"])
+@pytest.mark.parametrize(
+    "kind", slowly(["TensorTree4", "TensorTree3", "LBNL/Klems Full"], "TensorTree4")
+)
 def test_grazing_incidence(kind, side, mode, tmp_path, holds):
     """cos θ of 1.7e-5: a weight is f cos / density, and both go to 0."""
     path = write(tmp_path, kind)

@@ -26,6 +26,7 @@ from drcmitsuba.transport.photons import tracer as photons
 from drcmitsuba.transport.rays import shadow_rays
 from drcmitsuba.transport.rays.straight_suns import straight_suns
 from tests import ROOT
+from tests.fast import slowly
 
 SAME = 1e-5
 PRISM = ROOT / "scenes" / "films" / "prism.xml"
@@ -98,7 +99,7 @@ def _variant():
     backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
 
 
-@pytest.mark.parametrize("kind", STRIPS)
+@pytest.mark.parametrize("kind", slowly(STRIPS, "diffuser"))
 def test_one_thread_and_two(kind, usual, holds):
     """Threads finish in any order: what is drawn must not depend on it, only rounding may."""
     threads = dr.thread_count()
@@ -113,7 +114,7 @@ def test_one_thread_and_two(kind, usual, holds):
     holds("C on one thread and on all", max(distances(results[0], usual[kind])), SAME)
 
 
-@pytest.mark.parametrize("kind", STRIPS)
+@pytest.mark.parametrize("kind", slowly(STRIPS, "diffuser"))
 def test_one_chunk_and_ten(kind, usual, holds, monkeypatch):
     """Sensors two at a time, rays and photons a few thousand at a time; vertices traced again.
 
@@ -137,7 +138,7 @@ def test_chunks_by_paths(usual, holds, monkeypatch):
     holds("C sensor by sensor", max(distances(run(kind), usual[kind])), SAME)
 
 
-@pytest.mark.parametrize("kind", STRIPS)
+@pytest.mark.parametrize("kind", slowly(STRIPS, "diffuser", "open room"))
 def test_after_a_change_of_variant(kind, usual, holds):
     """There and back: plugins are registered anew, kernels are compiled anew, numbers stay."""
     here = str(mi.variant())

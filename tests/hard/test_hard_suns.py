@@ -187,7 +187,7 @@ def rows_of_file(site, suffix, leap):
 
 @pytest.mark.parametrize("suffix", [".epw", ".csv", ".wea"])
 @pytest.mark.parametrize("leap", [False, True], ids=["365 days", "366 days"])
-@pytest.mark.parametrize("name", slowly(["Barrow", "Kathmandu", "Sydney"], "Kathmandu"))
+@pytest.mark.parametrize("name", slowly(["Barrow", "Kathmandu", "Sydney"], "Kathmandu", "Barrow"))
 def test_year_of_a_file(suffix, leap, name, tmp_path, holds):
     """The leap day goes, all else keeps its clock; night is black to the last bit, day is not.
 

@@ -11,6 +11,7 @@ from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.runtime import provenance, storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import luminances
+from tests.fast import slowly
 from tests.system.test_evaluate import CASE, DAYS, changed
 
 MODELS = ["true_sun", "three_phase", "five_phase", "daysim", "adaptive"]
@@ -30,7 +31,7 @@ def results(tmp_path_factory):
     return {model: drcmitsuba.evaluate(case_of(folder, model)) for model in MODELS}
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", slowly(MODELS, *MODELS[1:3]))
 def test_files_on_disk_give_the_same_illuminance(results, tmp_path, model):
     result = results[model]
     storage.save_zarr(result.coefficients, tmp_path / "C.zarr")
@@ -154,7 +155,7 @@ def test_the_mean_illuminance_is_that_of_the_year(results, model):
     assert draws.mean_illuminance.value == pytest.approx(float(E.mean()), rel=1e-4)
 
 
-@pytest.mark.parametrize("model", ["adaptive", "daysim"])
+@pytest.mark.parametrize("model", slowly(["adaptive", "daysim"], "adaptive"))
 def test_a_coloured_case_has_a_mesh_as_well(tmp_path, model):
     room = ("size = [4.0, 5.0, 3.0]", "size = [4.0, 5.0, 3.0]\nwalls = [0.6, 0.5, 0.3]")
     case = case_of(tmp_path, model, room, (DAYS, "months = [3]"))

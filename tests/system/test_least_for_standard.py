@@ -64,6 +64,7 @@ def write(folder, design, period=YEAR, spacing=0.6):
     return file
 
 
+@pytest.mark.slow
 def test_the_least_window_is_that_of_a_sweep(run, tmp_path):
     file = write(tmp_path, AREA + WINDOW)
     layout = Layout.of(drcmitsuba.load_case(file))

@@ -16,8 +16,9 @@ FOLDER = ROOT / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 SLOWEST_CELL = 300
 """Seconds; on 2 cores shared with other work the slowest took a tenth of it."""
+QUICK = "[period]\ndays_per_week = 1\n\n[accuracy]\nreplicates = 2\npaths = 16\n"
 SHORTER = {
-    "01": {"[shading]": "[period]\ndays_per_week = 1\n\n[shading]"},
+    "01": {"[shading]": QUICK + "\n[shading]"},
     "04": {
         "count = [6, 16]\nspacing = 0.5": "count = [2, 4]\nspacing = 2.0",
         "days_per_week = 1": "days_per_week = 1\nhours = [11, 13]",
@@ -28,6 +29,8 @@ SHORTER = {
         "months = [3, 6, 12]": "months = [3]",
         "spacing = 0.7": "spacing = 1.4",
         "replicates = 4\npaths = 64": "replicates = 2\npaths = 32",
+        "iterations = 6": "iterations = 2",
+        "starts=1, iterations=5": "starts=1, iterations=2",
     },
 }
 """Parts of the notebooks that are run for every commit, and what makes them quick; at night all

@@ -5,8 +5,6 @@ import json
 import pandas as pd
 import pytest
 
-from tests.fast import slowly
-
 CASE = """
 name = "small room"
 [period]
@@ -108,7 +106,8 @@ def test_windows_of_other_sides_stay_and_light_the_room(run, case, tmp_path):
     assert fresh["sDA"]["low"] - point <= both["sDA"] <= fresh["sDA"]["high"] + point
 
 
-@pytest.mark.parametrize("drawn", slowly(["glass", "film"], "glass"))
+@pytest.mark.slow
+@pytest.mark.parametrize("drawn", ["glass", "film"])
 def test_shades_may_close_side_by_side(run, case, tmp_path, drawn):
     """Also where the searched side has no clear pane yet, which the search closes by itself."""
     text = TWO_SIDES.replace('material = "glass" }]', f'material = "{drawn}" }}]', 1)

@@ -79,7 +79,7 @@ def test_blocks_are_written_behind_the_main_thread(case, tmp_path, monkeypatch):
 
 @skips.POSIX.mark
 @skips.LLVM.mark
-@pytest.mark.parametrize("kills", [5, pytest.param(100, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kills", [3, pytest.param(100, marks=pytest.mark.slow)])
 def test_kills_at_random_moments_change_no_number(case, tmp_path, kills):
     """By LLVM, since a GPU's driver cannot be used behind a fork."""
     command = [sys.executable, "-m", "tests.system.killed_runs", case, tmp_path, kills]

@@ -157,7 +157,10 @@ EFFECTS = [
     "straight_through", "pane_to_pane", "components", "obstructions", "shaded_state",
     "interreflection", "colour",
 ]  # fmt: skip
-RARER = "scattering_panes", "straight_through", "colour", "films", "obstructions"
+RARER = (
+    "scattering_panes", "straight_through", "colour", "films", "obstructions", "clear_panes",
+    "pane_to_pane", "components",
+)  # fmt: skip
 """Effects that are forced on at night only."""
 PROVED = set(EFFECTS) - {"straight_through"}
 """Forcing these on changes nothing at all, but for the order of sums."""
@@ -234,8 +237,12 @@ def test_forcing_what_is_left_out_changes_nothing_and_costs_rays(name, tmp_path)
         assert z_of(forced, E) < 3 or abs(forced - E).max() <= 1e-5 * E.max()
 
 
+LONGER = "pane_to_pane", "components", "colour", "obstructions", "clear_panes"
+"""Effects that are left out at night only."""
+
+
 @pytest.mark.parametrize(
-    "name", slowly([name for name in EFFECTS if name != "dark_hours"], "pane_to_pane", "components")
+    "name", slowly([name for name in EFFECTS if name != "dark_hours"], *LONGER)
 )
 def test_leaving_out_what_is_needed_changes_the_answer(name, tmp_path):
     needs, _ = pairs(tmp_path)[name]
@@ -254,12 +261,8 @@ def test_leaving_out_what_is_needed_changes_the_answer(name, tmp_path):
         assert fewer < rays
 
 
-MODELS = ["three_phase"] + [
-    pytest.param(m, marks=pytest.mark.slow) for m in ("adaptive", "five_phase", "daysim")
-]
-
-
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.slow
+@pytest.mark.parametrize("model", ["three_phase", "adaptive", "five_phase", "daysim"])
 def test_with_other_models_of_the_sun(model, tmp_path):
     """Nothing that the plan leaves out counts: with a shade, a wall outside, to north and south.
 

@@ -64,6 +64,7 @@ def test_the_sun_through_a_pane(tmp_path):
     assert abs(each.mean() - 1) < 4 * error + 0.01
 
 
+@pytest.mark.slow
 def test_a_mirror_images_the_sun(tmp_path):
     """From a shelf in the room to its ceiling: reflectance and place."""
     shelf = optics.Mirror(room.rectangle((1.5, 0.8, 1), (1, 0, 0), (0, 0.5, 0)), 0.9)

@@ -21,6 +21,7 @@ from drcmitsuba.scene import scene
 from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.rays.shadow_rays import sky_deposit
+from tests.fast import slowly
 from tests.unit.design.film_room import (
     PRISM,
     PRISM_FILM,
@@ -226,7 +227,7 @@ CASES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", slowly(CASES, *list(CASES)[1:3]))
 def test_the_case_s_own_film_gives_what_the_simulation_gives(tmp_path, same, name):
     changes, state = CASES[name]
     case = case_of(tmp_path, *changes)

@@ -79,8 +79,13 @@ def at(interior, rho):
 
 @pytest.mark.parametrize(
     "rho",
-    [{}, ELSEWHERE, *(dict.fromkeys(KEYS, bound) for bound in BOUNDS), {"floor": BOUNDS[1]}],
-    ids=["start", "elsewhere", "black", "white", "white floor"],
+    [
+        pytest.param({}, id="start", marks=pytest.mark.slow),
+        pytest.param(ELSEWHERE, id="elsewhere"),
+        pytest.param(dict.fromkeys(KEYS, BOUNDS[0]), id="black", marks=pytest.mark.slow),
+        pytest.param(dict.fromkeys(KEYS, BOUNDS[1]), id="white"),
+        pytest.param({"floor": BOUNDS[1]}, id="white floor", marks=pytest.mark.slow),
+    ],
 )  # fmt: skip
 def test_equals_a_fresh_simulation(interiors, year, same, rho):
     case = with_reflectances(case_of(100, replicates=16), rho)

@@ -20,7 +20,6 @@ from drcmitsuba.metrics.watched_groups import outside_of, watched
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.transport.elements.state_illuminances import Illuminances
-from tests.fast import slowly
 from tests.system.every_room import BOXES
 
 HOURS, SENSORS = 120, 30
@@ -129,7 +128,8 @@ DESIGN = '[design]\nside = "south"\nfilm = "opal"\nrows = 2\nparameters = "strip
 FINER = "replicates = 2\npaths = 16", "replicates = 6\npaths = 96"
 
 
-@pytest.mark.parametrize("name", slowly(["groups", "facing"], "groups"))
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["groups", "facing"])
 def test_a_façade_as_drawn_is_its_evaluation(tmp_path, name):
     """E of a search under its own states, beside a simulation of the same façade."""
     text = BOXES["groups" if name == "groups" else "two sides"].replace(*FINER)

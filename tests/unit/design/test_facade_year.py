@@ -71,7 +71,7 @@ WEST = {"segments": 2, "strips": PLAIN}
     "sides",
     [
         pytest.param({}, id="one side", marks=pytest.mark.slow),
-        pytest.param({"west": WEST}, id="two sides"),
+        pytest.param({"west": WEST}, id="two sides", marks=pytest.mark.slow),
     ],
 )
 def test_compositions_are_what_they_are_alone(sides):

@@ -11,7 +11,6 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import daylight
 from tests import ROOT
-from tests.fast import slowly
 from tests.system.every_room import MODELS, write_models
 from tests.unit.design.test_design_reflectances import ELSEWHERE, at, case_of, fresh
 
@@ -54,7 +53,8 @@ def with_component(kind, folder, seed=0, replicates=2):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", slowly(["pipe", "lamellae"], "lamellae"))
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["pipe", "lamellae"])
 def test_light_by_components_equals_a_fresh_simulation(tmp_path, same, kind):
     year = daylight.daylight(with_component(kind, tmp_path))
     interiors = [Interior.of(with_component(kind, tmp_path, seed), year) for seed in range(4)]
@@ -63,7 +63,7 @@ def test_light_by_components_equals_a_fresh_simulation(tmp_path, same, kind):
     same(E, other=theirs, within=0.02 if kind == "pipe" else 0.04)
 
 
-def with_groups(kind, folder, seed=0):
+def with_groups(kind, folder, seed=0, hours=(8, 18)):
     """A room with windows to the south and to the west, hours of a March.
 
     Its blinds close façade by façade, or those to the west follow a schedule.
@@ -81,13 +81,14 @@ def with_groups(kind, folder, seed=0):
     }
     return case_of(
         facade={"south": glazed, "west": glazed}, groups={} if kind == "facing" else groups,
-        materials=materials, period={"months": [3], "hours": (8, 18), "days_per_week": 1},
+        materials=materials, period={"months": [3], "hours": hours, "days_per_week": 1},
         accuracy={"seed": seed, "replicates": 6, "paths": 96, "cell_sky_rays": 64,
                   "sensor_sky_rays": 256},
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", slowly(["facing", "groups"], "facing", "groups"))
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["facing", "groups"])
 def test_states_of_groups_equal_an_evaluation(tmp_path, kind):
     """E as the groups close, of other paints, beside an evaluation of its own with other paths."""
     case = with_groups(kind, tmp_path)
@@ -108,7 +109,7 @@ def test_states_of_groups_equal_an_evaluation(tmp_path, kind):
 
 
 def test_gradients_through_the_groups_are_the_differences(tmp_path):
-    case = with_groups("facing", tmp_path)
+    case = with_groups("facing", tmp_path, hours=(12, 15))
     interior = Interior.of(case, daylight.daylight(case))
 
     def mean(walls):

@@ -25,6 +25,7 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import checked
 from drcmitsuba.scene.surfaces import surfaces_of
+from tests.fast import slowly
 from tests.synthetic_year import MATERIALS, SyntheticYear, Tiles
 
 RULES = Rules(Metrics(sda_threshold=300.0, ase_hours=10.0), 1000.0, 0.02, 1.0)
@@ -83,7 +84,7 @@ def sweep(year):
     return [problem.hard(share.numpy()) for share in shares]
 
 
-@pytest.mark.parametrize("limit", [10.0, 60.0])
+@pytest.mark.parametrize("limit", slowly([10.0, 60.0], 60.0))
 def test_the_search_finds_what_a_sweep_finds(year, sweep, limit):
     problem = by_window(year, ase_limit=limit)
     best = max(score.value for score in sweep if problem.is_feasible(score))

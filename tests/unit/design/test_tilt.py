@@ -25,7 +25,6 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import checked
 from drcmitsuba.transport.elements.state_illuminances import Illuminances
-from tests.fast import slowly
 
 SLATS = """[structure]
 kind = "lamellae"
@@ -135,7 +134,8 @@ GROUPS = {
 }
 
 
-@pytest.mark.parametrize("kind", slowly(["facing", "groups", "scheduled"], "groups", "scheduled"))
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["facing", "groups", "scheduled"])
 def test_groups_take_the_states_of_an_evaluation(tmp_path, kind):
     """E in the states that groups take, and its twin, beside an evaluation with the same seed."""
     hours = [f"2015-{day}T{hour:02d}:00" for day in ("03-20", "12-21") for hour in (8, 11, 13, 15)]

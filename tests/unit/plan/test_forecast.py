@@ -155,7 +155,9 @@ def test_a_north_room_under_an_overcast_sky_pays_for_no_sun_film_or_photon():
     assert {name: shares[name] for name in off} == dict.fromkeys(off, 0.0)
 
 
-@pytest.mark.parametrize("kind", KINDS_OF_CASES)
+@pytest.mark.parametrize(
+    "kind", slowly(KINDS_OF_CASES, "diffuser", "no room", "film behind a building", "white")
+)
 def test_shares_add_up_and_what_is_off_costs_nothing(kind):
     case_plan = planned(**KINDS_OF_CASES[kind])
     expected = forecast(case_plan, Speed())
@@ -234,8 +236,7 @@ def test_the_machine_is_measured_once():
     "kind",
     [
         "clear",
-        *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("shade", "colour")),
-        "pipe",
+        *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("shade", "colour", "pipe")),
         "north, overcast",
     ],
 )

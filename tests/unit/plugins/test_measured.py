@@ -12,6 +12,7 @@ from scipy.stats import chi2 as chi2_law
 
 from drcmitsuba.runtime import backend
 from tests import SHARED, skips
+from tests.fast import slowly
 from tests.unit.plugins.measured_files import (
     IMPORTANCE,
     KINDS,
@@ -113,7 +114,7 @@ INCIDENCES = [(0.5, 0), (30, 100), (60, 200), (80, 45), (89, 300)]
 
 
 @pytest.mark.parametrize("mode", [RADIANCE, IMPORTANCE], ids=["radiance", "importance"])
-@pytest.mark.parametrize("kind", KINDS[:3])
+@pytest.mark.parametrize("kind", slowly(KINDS[:3], KINDS[0]))
 def test_samples_follow_their_density(tmp_path, kind, mode):
     bsdf = load(write(tmp_path, kind), straight_through="off")
     worst = min(
@@ -134,7 +135,7 @@ def test_the_test_of_samples_would_notice_a_wrong_density(tmp_path):
 
 
 @pytest.mark.parametrize("mode", [RADIANCE, IMPORTANCE], ids=["radiance", "importance"])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", slowly(KINDS, KINDS[0], *KINDS[4:]))
 def test_weights_are_eval_over_density_and_hardly_vary(tmp_path, kind, mode):
     bsdf = load(write(tmp_path, kind), straight_through="off")
     for angles in INCIDENCES:

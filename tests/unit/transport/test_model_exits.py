@@ -22,6 +22,7 @@ from drcmitsuba.transport.own_exits import Passages
 from drcmitsuba.transport.rays import openings
 from drcmitsuba.transport.rays.openings import in_rooms
 from drcmitsuba.transport.rays.straight_suns import straight_suns
+from tests.fast import slowly
 from tests.model_rooms import GLASS, case_of, house, l_room, layer, prism
 
 SUNS = np.random.default_rng(3).normal(size=(200, 3))
@@ -112,8 +113,11 @@ ROOMS = {
     "a window to a deep well": light_well,
 }
 
-SLOW = ("two rooms behind a film that is seen through",)
-"""The film's own rays, most of all, are not spared."""
+SLOW = (
+    "two rooms behind a film that is seen through",  # whose own rays, most of all, are not spared
+    "two rooms with opal glass between",
+    "a window to a deep well",
+)
 
 
 @pytest.mark.parametrize(
@@ -166,7 +170,7 @@ SEVERAL = {
 }
 
 
-@pytest.mark.parametrize("name", SEVERAL)
+@pytest.mark.parametrize("name", slowly(SEVERAL, "opal glass between", "rooms that are none"))
 def test_exits_of_its_own_room_are_all_that_a_point_needs(name):
     """Light through two panes in turn, and beyond a hole, is there; rays through others are not."""
     make, room_of = SEVERAL[name]

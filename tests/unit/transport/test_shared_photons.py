@@ -81,7 +81,11 @@ BEHIND, BEFORE, ASIDE = [1.5, 0.8, 1.0], [1.5, -1.5, 1.0], [1.5, -0.6, 2.8]
 
 
 @pytest.mark.parametrize("place", [BEHIND, BEFORE, ASIDE], ids=["behind", "before", "aside"])
-@pytest.mark.parametrize("turned", [False, True], ids=["open first", "shaded first"])
+@pytest.mark.parametrize(
+    "turned",
+    [pytest.param(False, marks=pytest.mark.slow), True],
+    ids=["open first", "shaded first"],
+)
 def test_light_of_the_second_state_is_that_of_the_state_alone(states, place, turned):
     (open_, shaded), points = states(place)
     first, second = (shaded, open_) if turned else (open_, shaded)
