@@ -1,7 +1,7 @@
 """Run the slow tests, and write a dated table of them: `python -m tests.validation.nightly`.
 
-A row is a test with all of its cases. What a run does not reach in its minutes keeps the row of the
-last run that did; what none has reached is "not run".
+A row is a test with all of its cases, written when the last one has ended. What a run does not
+reach in its minutes keeps the row of the last run that did; what none has reached is "not run".
 """
 
 from __future__ import annotations
@@ -11,7 +11,9 @@ import datetime
 import re
 import time
 from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -34,12 +36,12 @@ def name_of(node: str) -> str:
 
 @dataclass
 class Recorder:
-    """Plugin of pytest that records how each test ended, and ends the run when its time is over."""
+    """Plugin of pytest that keeps the page, and ends the run when its time is over."""
 
     deadline: float
     """Time by `time.monotonic` [s] after which no further test begins."""
-    collected: dict[str, int] = field(default_factory=lambda: defaultdict(int))
-    """Number of cases by test."""
+    cases: Mapping[str, int]
+    """Number of cases by test, of all slow tests."""
     ends: dict[str, list[str]] = field(default_factory=lambda: defaultdict(list))
     """How the cases of a test ended: passed, failed, skipped."""
     seconds: dict[str, float] = field(default_factory=lambda: defaultdict(float))
@@ -55,14 +57,24 @@ class Recorder:
         self.seconds[test] += report.duration
         if report.when == "call" or report.outcome != "passed":
             self.ends[test].append(report.outcome)
+        if report.when == "teardown" and len(self.ends[test]) >= self.cases[test]:
+            self.write()
         if time.monotonic() > self.deadline and self.session is not None:
             workers = self.session.config.pluginmanager.getplugin("dsession")
             (workers or self.session).shouldstop = "the time is over"
 
-    def row(self, test: str, cases: int, run: str) -> tuple[str, str, str] | None:
+    def write(self) -> None:
+        """Write the page with the rows of this run, and those of earlier ones for the rest."""
+        run, before = datetime.date.today().isoformat(), known(PAGE)
+        rows = {
+            test: self.row(test, run) or before.get(test, NOT_RUN) for test in sorted(self.cases)
+        }
+        PAGE.write_text(written(rows, run, machine()), encoding="utf-8")
+
+    def row(self, test: str, run: str) -> tuple[str, str, str] | None:
         """Result, seconds and run of a test; None where not all of its cases were run."""
         ends = self.ends.get(test, [])
-        if len(ends) < cases:
+        if len(ends) < self.cases[test]:
             return None
         told = [f"{ends.count(end)} {end}" for end in dict.fromkeys(sorted(ends))]
         return ", ".join(told), f"{self.seconds[test]:.0f}", run
@@ -87,6 +99,7 @@ def known(page: Path) -> dict[str, tuple[str, str, str]]:
     return {row[1]: (row[2], row[3], row[4]) for row in rows}
 
 
+@cache
 def machine() -> str:
     """What a run's figures depend on."""
     told = backend.report()
@@ -121,15 +134,10 @@ def main() -> None:
     quiet, slow = ["-q", "-p", "no:cacheprovider"], ["-m", "slow"]
     every = Collected()
     pytest.main([*quiet, "-qq", *slow, "-n", "0", "--collect-only", str(ROOT / "tests")], [every])
-    recorder = Recorder(time.monotonic() + 60 * asked.minutes)
+    recorder = Recorder(time.monotonic() + 60 * asked.minutes, every.cases)
     few_ahead = ["--dist", "load", "--maxschedchunk", "1"]  # workers end what they were given
     code = pytest.main([*quiet, *slow, *few_ahead, *asked.paths], [recorder])
-    run, before = datetime.date.today().isoformat(), known(PAGE)
-    rows = {
-        test: recorder.row(test, cases, run) or before.get(test, NOT_RUN)
-        for test, cases in sorted(every.cases.items())
-    }
-    PAGE.write_text(written(rows, run, machine()), encoding="utf-8")
+    recorder.write()
     raise SystemExit(0 if code == pytest.ExitCode.INTERRUPTED else code)
 
 
