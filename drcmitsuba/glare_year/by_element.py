@@ -1,0 +1,157 @@
+"""Light by element at eyes, and on all that they see: any façade is a sum of it.
+
+case, openings ─ illuminance by element ─► E_v: `KnownYear`, exact for every façade
+eyes ─ rays, a trace for each number of a fill ─► `SeenPlace`
+     ─ points of surfaces, those of all fills ──► their luminance by element
+
+What openings send back into the room onto surfaces is that of the façade as drawn but for the
+element itself: the light that an element brings in counts the fill that brings it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from drcmitsuba.annual.chosen_facade import light_of_channels
+from drcmitsuba.annual.run import Run
+from drcmitsuba.annual.summed_year import luminances_of
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import GroupStates
+from drcmitsuba.glare_year.eyes import Eyes
+from drcmitsuba.glare_year.openings import SeenOpenings
+from drcmitsuba.glare_year.place import SeenPlace, seen_places
+from drcmitsuba.glare_year.seen import SeenSurfaces
+from drcmitsuba.glare_year.state import again_with, coarser, on_paths
+from drcmitsuba.glare_year.surface_light import LightRows
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.panes_in_state import grouped_panes
+from drcmitsuba.schema import channel_weights
+from drcmitsuba.sky.daylight import Daylight
+from drcmitsuba.transport.elements import chosen
+from drcmitsuba.transport.elements.known_year import KnownYear
+from drcmitsuba.transport.elements.weights import BESIDES
+
+COEFFICIENTS = 1 << 26
+"""Largest number of coefficients of surfaces in one replicate that are in memory at once: each set
+of points loads the scenes of all elements."""
+
+
+@dataclass(frozen=True, eq=False)
+class ElementTracing:
+    """Light by element of a case for eyes and surfaces."""
+
+    case: Case
+    panes: PaneGroups
+    """Openings and their fills."""
+    light: Daylight
+    run: Run
+
+    @property
+    def openings(self) -> GroupStates:
+        """Names of the openings and of their fills."""
+        return self.panes.states
+
+    @property
+    def rows(self) -> LightRows:
+        """Rows of the light of surfaces."""
+        return LightRows.of(self.openings.starts)
+
+    def at_eyes(self, looking: Eyes) -> EyeIlluminance:
+        """Vertical illuminance at the eyes by element."""
+        with self.run.timed("eyes") as done:
+            run = on_paths(self.run)
+            accuracy, at = run.accuracy(self.case, len(looking)), (looking.points, looking.forward)
+            channels = light_of_channels(
+                self.case, self.panes, self.light.suns, accuracy, run.enabled_effects, done,
+                receivers=at,
+            )  # fmt: skip
+            L = luminances_of(self.light, channels[0].labels)
+            return EyeIlluminance(tuple(KnownYear.of(each, L) for each in channels))
+
+    def places(self, looking: Eyes, least: float) -> Iterator[SeenPlace]:
+        """Trace what is seen from each place by every element; see `seen_places`."""
+        effects, openings = self.run.enabled_effects, self.openings
+        panes = grouped_panes(self.case, effects, self.panes)
+        last = np.array(openings.last)
+        scenes = [
+            scene.load(
+                self.case, openings.label(np.minimum(k, last).tolist()), -1, effects, self.panes
+            )
+            for k in range(int(last.max(initial=0)) + 1)
+        ]
+        seen_openings = SeenOpenings.of(panes, openings.starts)
+        yield from seen_places(
+            self.case, scenes, seen_openings, self.rows, self._traced, self.light, looking,
+            self.run, least=least, coefficients=COEFFICIENTS,
+        )  # fmt: skip
+
+    def _traced(self, surfaces: SeenSurfaces, replicates: int, again: bool) -> _ByElement:
+        """Light of surfaces by element; a `Tracer`."""
+        run = again_with(self.run) if again else self.run
+        accuracy = run.accuracy(coarser(self.case, replicates), len(surfaces.points))
+        channels = light_of_channels(
+            self.case, self.panes, self.light.suns, accuracy, run.enabled_effects, _untold,
+            receivers=(surfaces.points, surfaces.normals),
+        )  # fmt: skip
+        L, rows = luminances_of(self.light, channels[0].labels), self.rows
+        out = np.zeros(
+            (len(rows.elements), replicates, len(surfaces.points), L.shape[0]), np.float32
+        )
+        for each, weight, share in zip(
+            channels, surfaces.weight.T, channel_weights(len(channels)), strict=True
+        ):
+            year = KnownYear.of(each, L)
+            factor = (share * weight).astype(np.float32)[:, None]
+            for row, element in enumerate(rows.elements):
+                if element in year.lit:
+                    E = year.of_element(element, self._drawn_with(element))
+                    out[row] += factor * E.swapaxes(1, 2)
+        return _ByElement(out)
+
+    def _drawn_with(self, element: int) -> np.ndarray:
+        """Shares (element,) of the façade as drawn but for one element."""
+        starts = np.array(self.openings.starts)
+        shares = chosen(starts[:-1], np.zeros(len(starts) - 1, int), int(starts[-1]))
+        if element != BESIDES:
+            g = int(np.searchsorted(starts, element, side="right")) - 1
+            shares[starts[g] : starts[g + 1]] = 0
+            shares[element] = 1
+        return shares
+
+
+def _untold(share: float) -> None:
+    """Progress of one of many parts."""
+
+
+@dataclass(frozen=True, eq=False)
+class _ByElement:
+    """Luminances of surfaces by element; see `TracedSurfaces`."""
+
+    luminance: np.ndarray
+    """[cd/m²], float32, shape (row, replicate, point, time)."""
+
+    def mean(self) -> np.ndarray:
+        """Mean over the replicates, see `TracedSurfaces`."""
+        return np.asarray(self.luminance.mean(axis=1))
+
+    def each(self, points: np.ndarray) -> np.ndarray:
+        """Luminance by each replicate, see `TracedSurfaces`."""
+        return self.luminance[:, :, points]
+
+
+@dataclass(frozen=True, eq=False)
+class EyeIlluminance:
+    """Vertical illuminance at eyes by element."""
+
+    years: tuple[KnownYear, ...]
+    """Illuminances of every colour channel."""
+
+    def in_facade(self, shares: np.ndarray) -> np.ndarray:
+        """E_v by each replicate [lx], (replicate, time, view), of shares (time, element)."""
+        weights = channel_weights(len(self.years))
+        parts = zip(weights, self.years, strict=True)
+        return np.asarray(sum(weight * year.illuminance(shares) for weight, year in parts))
