@@ -150,8 +150,15 @@ class EyeIlluminance:
     years: tuple[KnownYear, ...]
     """Illuminances of every colour channel."""
 
-    def in_facade(self, shares: np.ndarray) -> np.ndarray:
-        """E_v by each replicate [lx], (replicate, time, view), of shares (time, element)."""
-        weights = channel_weights(len(self.years))
-        parts = zip(weights, self.years, strict=True)
-        return np.asarray(sum(weight * year.illuminance(shares) for weight, year in parts))
+    def in_facade(self, shares: np.ndarray, hours: np.ndarray | None = None) -> np.ndarray:
+        """E_v by each replicate [lx], (replicate, time, view), of shares (time, element).
+
+        At time stamps that are not among the `hours`, by default all, it is 0.
+        """
+        first = self.years[0].light
+        times = self.years[0].L.shape[0]
+        hours = np.arange(times) if hours is None else hours
+        out = np.zeros((first.replicates, times, len(first.positions)), np.float32)
+        for weight, year in zip(channel_weights(len(self.years)), self.years, strict=True):
+            out[:, hours] += weight * year.illuminance(shares[hours], hours)
+        return out

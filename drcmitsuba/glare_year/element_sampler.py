@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,27 +29,67 @@ def samples_of(
     facades: Facades, illuminance: EyeIlluminance, places: Iterable[SeenPlace], looking: Eyes,
     rule: Rule, done: Progress = lambda share: None,
 ) -> list[EyeSamples]:  # fmt: skip
-    """Samples of eyes in façades, by sums alone; places are looked at one after another."""
-    E = [illuminance.in_facade(shares) for shares in facades.values()]
-    names = ("sums", "sharp", "deviations")
+    """Samples of eyes in façades, by sums alone; places are looked at one after another.
+
+    Hours in which a façade is as one before it take the samples of that one.
+    """
+    alike = _Alike.of([*facades.values()])
+    rows = [*zip(facades.values(), alike.fresh, strict=True)]
+    E = [illuminance.in_facade(shares, fresh) for shares, fresh in rows]
     replicates, times, views = E[0].shape
     shape = (len(E), times, views)
-    seen = {name: np.zeros(shape) for name in names[:2]}
+    seen = {name: np.zeros(shape) for name in ("sums", "sharp")}
     seen["deviations"] = np.zeros((len(E), replicates, times, views), np.float32)
     judged = 0
     for place in places:
-        for k, shares in enumerate(facades.values()):
+        at = place.views
+        for k, (shares, fresh) in enumerate(rows):
+            if not len(fresh):
+                continue
             here = place.in_facade(shares)
-            sums = here.sums(looking, rule, np.arange(times))
-            seen["sums"][k][:, place.views], seen["sharp"][k][:, place.views] = sums
-            seen["deviations"][k][:, :, place.views] = here.deviations(looking, rule)
-        judged += len(place.views)
+            sums = here.sums(looking, rule, fresh)
+            for name, values in zip(("sums", "sharp"), sums, strict=True):
+                seen[name][k][np.ix_(fresh, at)] = values
+            deviations = here.deviations(looking, rule)
+            seen["deviations"][k][:, :, at] = deviations
+        judged += len(at)
         done(judged / views)
+    alike.fill(E)
+    for values in seen.values():
+        alike.fill(values)
     rounds = np.ones((times, views), int)
     return [
-        EyeSamples(e, **{name: seen[name][k] for name in names}, rounds=rounds)
+        EyeSamples(e, **{name: values[k] for name, values in seen.items()}, rounds=rounds)
         for k, e in enumerate(E)
     ]
+
+
+class _Alike(NamedTuple):
+    """Hours in which façades are as one before them."""
+
+    fresh: list[np.ndarray]
+    """Hours of each façade in which it is as none before it, indices."""
+    others: list[tuple[int, int, np.ndarray]]
+    """Façade, one before it, and the hours that it has of that one."""
+
+    @classmethod
+    def of(cls, shares: Sequence[np.ndarray]) -> _Alike:
+        """Compare shares (time, element) of façades hour by hour."""
+        fresh, others = [], []
+        for k, own in enumerate(shares):
+            left = np.ones(len(own), bool)
+            for j, before in enumerate(shares[:k]):
+                same = left & (own == before).all(axis=1)
+                if same.any():
+                    others.append((k, j, np.flatnonzero(same)))
+                left &= ~same
+            fresh.append(np.flatnonzero(left))
+        return cls(fresh, others)
+
+    def fill(self, values: Sequence[np.ndarray] | np.ndarray) -> None:
+        """Fill in values (façade, …, time, view) of the hours that are as before."""
+        for k, j, hours in self.others:
+            values[k][..., hours, :] = values[j][..., hours, :]
 
 
 def note_of(again: float) -> tuple[str, ...]:

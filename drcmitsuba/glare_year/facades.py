@@ -45,7 +45,7 @@ class FacadesOfCase:
         return {opening: (first, *further) for opening, first, (_, *further) in every}
 
     def of(self, choice: Choice) -> Facades:
-        """Façades with a choice of fills: see `glare_elements.GlareElements.evaluate`."""
+        """Façades with a choice of fills: see `glare_by_element.GlareElements.evaluate`."""
         time, marked = self.light.sky["time"], attributes(
             self.case, self.light, self.run.enabled_effects
         )  # fmt: skip

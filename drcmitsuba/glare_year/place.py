@@ -18,7 +18,7 @@ from drcmitsuba.glare_year.seen import Seen, SeenSurfaces, seen
 from drcmitsuba.glare_year.sources import contrast_sums
 from drcmitsuba.glare_year.surface_light import (
     LightRows,
-    SurfaceLight,
+    SurfacesByElement,
     Tracer,
     cuts,
     light_of_surfaces,
@@ -137,7 +137,7 @@ class SeenPlace:
     views: np.ndarray
     """Indices of the views, int, shape (view,)."""
     seen: Seen
-    light: SurfaceLight
+    light: SurfacesByElement
     sky: np.ndarray
     """Luminances of sky and sun, as of `Luminances`."""
     sun: np.ndarray

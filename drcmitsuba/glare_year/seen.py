@@ -219,9 +219,9 @@ def _keys(surfaces: Sequence[Ends], count: int) -> np.ndarray:
     ray, side = ray[by_ray], side[by_ray]
     before = np.r_[0, np.flatnonzero(np.diff(ray)) + 1] if len(side) else np.zeros(0, int)
     order = np.arange(len(side)) - np.repeat(before, np.diff(np.r_[before, len(side)]))
-    ends = np.zeros((count, order.max(initial=0) + 1), int)
-    ends[ray, order] = side
-    return np.unique(ends, axis=0, return_inverse=True)[1].ravel()
+    by_turn = np.zeros((count, order.max(initial=0) + 1), int)
+    by_turn[ray, order] = side
+    return np.unique(by_turn, axis=0, return_inverse=True)[1].ravel()
 
 
 def _again(ends: Ends) -> float:

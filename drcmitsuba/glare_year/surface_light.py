@@ -76,7 +76,7 @@ class SurfaceLuminances:
 
 
 @dataclass(frozen=True, eq=False)
-class SurfaceLight:
+class SurfacesByElement:
     """Luminances of surfaces by the element whose light they get."""
 
     rows: LightRows
@@ -91,7 +91,7 @@ class SurfaceLight:
     """Their luminance by each replicate, less the mean [cd/m²], (row, replicate, bright)."""
 
     @classmethod
-    def joined(cls, parts: Sequence[SurfaceLight]) -> SurfaceLight:
+    def joined(cls, parts: Sequence[SurfacesByElement]) -> SurfacesByElement:
         """Light of several sets of points."""
         ends = np.cumsum([0, *(len(part.point) for part in parts)])
         noisy = [part.noisy + start for part, start in zip(parts, ends, strict=False)]
@@ -104,7 +104,7 @@ class SurfaceLight:
             np.concatenate([part.deviation for part in parts], axis=2),
         )
 
-    def of_points(self, number: np.ndarray) -> SurfaceLight:
+    def of_points(self, number: np.ndarray) -> SurfacesByElement:
         """Light of some points, by their new numbers (point,), −1 for all others."""
         mine = number[self.point] >= 0
         place = np.cumsum(mine) - 1
@@ -159,7 +159,7 @@ def _alone(shown: Seen, pixel: np.ndarray, element: np.ndarray) -> np.ndarray:
 def light_of_surfaces(
     tracer: Tracer, rows: LightRows, surfaces: SeenSurfaces, least: np.ndarray, replicates: int,
     together: int,
-) -> SurfaceLight:  # fmt: skip
+) -> SurfacesByElement:  # fmt: skip
     """Trace the light of surfaces.
 
     Parameters
@@ -202,12 +202,12 @@ def light_of_surfaces(
         nothing = np.zeros((len(rows.elements), 0, 0), np.float32)
         of_none = np.zeros((len(rows.elements), replicates, 0, 0), np.float32)
         parts.append(_entries(rows, nothing, np.zeros(0, int), least, of_none))
-    return SurfaceLight.joined(parts)
+    return SurfacesByElement.joined(parts)
 
 
 def _entries(
     rows: LightRows, L: np.ndarray, points: np.ndarray, least: np.ndarray, each: np.ndarray
-) -> SurfaceLight:
+) -> SurfacesByElement:
     """Light of some points that may count: L (row, point, time), by replicates of bright points."""
     most = rows.most(L)
     at, time = np.nonzero(most > least[points, None])
@@ -216,4 +216,4 @@ def _entries(
     if len(noisy):
         deviation = each[:, :, at[noisy], time[noisy]]
         deviation = deviation - deviation.mean(axis=1, keepdims=True)
-    return SurfaceLight(rows, points[at], time, L[:, at, time], noisy, deviation)
+    return SurfacesByElement(rows, points[at], time, L[:, at, time], noisy, deviation)
