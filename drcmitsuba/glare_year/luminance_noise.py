@@ -53,12 +53,13 @@ class LuminanceNoise:
         least : float
             Luminance above which a pixel is bright [cd/m²].
         """
-        pixel, times = seen.surfaces.pixel[self.point], len(shares)
-        local = np.einsum("bi,vki->vbk", seen.directions[pixel], frames)
-        weights = 2 * seen.tiles.by_pixel[pixel] / position_index(local) ** 2
+        times = len(shares)
+        local = np.einsum("pi,vki->vpk", seen.directions, frames)
+        weights = 2 * seen.tiles.by_pixel / position_index(local) ** 2 * (local[..., 2] > 0)
+        of_points = np.asarray((seen.showing.T @ weights.T).T)
         share = shares[self.time, seen.surfaces.element[self.point]]
         bright = share * np.where(least < self.luminance, self.luminance, 0)
-        slopes = weights * (local[..., 2] > 0) * bright
+        slopes = of_points[:, self.point] * bright
         out = np.zeros((len(self.deviation), times, len(frames)))
         for r, deviation in enumerate(self.deviation):
             for v, slope in enumerate(slopes):

@@ -32,7 +32,7 @@ class Luminances:
         """Luminance that no pixel exceeds but by films [cd/m²], shape (time,); ∞ with films."""
         if len(self.seen.films):
             return np.where(self.sky.any(axis=1) | (self.sun > 0), np.inf, 0)
-        ends = np.bincount(self.seen.surfaces.pixel).max(initial=0)
+        ends = np.diff(self.seen.showing.indptr).max(initial=0)
         brightest = np.zeros(len(self.sky))
         np.maximum.at(brightest, self.surfaces.time, self.surfaces.luminance)
         return np.asarray(self.sky.max(axis=1) + ends * brightest)
@@ -83,10 +83,9 @@ class Luminances:
         at = column[lit.time]
         here = np.flatnonzero(at >= 0)
         point, at = lit.point[here], at[here]
-        values = lit.luminance[here] * shares[at, surfaces.element[point]]
-        shape = len(self.seen.directions), len(hours)
-        place = surfaces.pixel[point] * shape[1] + at
-        return np.bincount(place, values, shape[0] * shape[1]).astype(np.float32).reshape(shape)
+        L = np.zeros((len(surfaces.points), len(hours)), np.float32)
+        L[point, at] = lit.luminance[here] * shares[at, surfaces.element[point]]
+        return np.asarray(self.seen.showing @ L)
 
     def _of_films(self, hours: np.ndarray, shares: np.ndarray) -> np.ndarray:
         """Luminance of films and rough mirrors that glow."""

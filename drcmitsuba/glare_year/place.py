@@ -157,16 +157,12 @@ class SeenPlace:
         may = np.array(np.broadcast_to(may, len(shown.directions)))
         may[shown.films] = True
         points = np.unique(light.point)
-        may[shown.surfaces.pixel[points]] = True
+        may |= np.diff(shown.showing[:, points].tocsr().indptr) > 0
         ahead = np.maximum.reduceat(may[shown.tiles.pixel], shown.tiles.first[:-1])
-        kept, number = shown.of_tiles(ahead)
-        surfaces = shown.surfaces.take(points)
-        of_points = np.full(len(shown.surfaces.pixel), -1)
+        of_points = np.full(len(shown.surfaces.points), -1)
         of_points[points] = np.arange(len(points))
-        surfaces = replace(surfaces, pixel=number[surfaces.pixel])
-        return replace(
-            self, seen=replace(kept, surfaces=surfaces), light=light.of_points(of_points)
-        )
+        kept = shown.of_tiles(ahead).of_points(points)
+        return replace(self, seen=kept, light=light.of_points(of_points))
 
 
 def seen_places(

@@ -13,7 +13,7 @@ from drcmitsuba_plugins.patches import Patches, patch_index
 from drcmitsuba.glare_year.chains import TURNED, Chains, Ends
 from drcmitsuba.glare_year.films import FilmGlow, glow
 from drcmitsuba.glare_year.openings import SeenOpenings
-from drcmitsuba.glare_year.pixels import merged, rays
+from drcmitsuba.glare_year.pixels import EyeRays, merged, rays
 from drcmitsuba.glare_year.suns import Images, images
 from drcmitsuba.glare_year.tiles import EyeTiles
 from drcmitsuba.runtime import lazy
@@ -34,8 +34,6 @@ LIFT = 1e-3
 class SeenSurfaces:
     """Points of diffuse surfaces that are seen; their luminance is the weighted illuminance."""
 
-    pixel: np.ndarray
-    """Pixel of every point, int, shape (point,)."""
     points: np.ndarray
     """Places, off their surface [m], shape (point, 3)."""
     normals: np.ndarray
@@ -44,12 +42,18 @@ class SeenSurfaces:
     """Luminance over illuminance [1/sr], shape (point, channel)."""
     element: np.ndarray
     """Element by which each point is seen, or `BESIDES`, int, shape (point,)."""
+    ray: np.ndarray
+    """Number of the ray that met each point: what one ray met in one trace is seen together, and
+    its points follow one another, int, shape (point,)."""
 
     @classmethod
     def joined(cls, parts: Sequence[SeenSurfaces]) -> SeenSurfaces:
-        """Points of several places; their pixels remain those of each place."""
-        names = cls.__dataclass_fields__
-        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+        """Points of several places or traces, whose rays are told apart."""
+        names = [name for name in cls.__dataclass_fields__ if name != "ray"]
+        columns = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
+        first = np.cumsum([0, *(part.ray.max(initial=-1) + 1 for part in parts)])
+        rays = [part.ray + start for part, start in zip(parts, first, strict=False)]
+        return cls(*columns, ray=np.concatenate(rays))
 
     def take(self, some: slice | np.ndarray) -> SeenSurfaces:
         """Some of the points."""
@@ -77,6 +81,8 @@ class Seen:
     """Luminance per unit luminance of ground and sky patches, by element, csr array (pixel, bin)
     [–]."""
     surfaces: SeenSurfaces
+    showing: Any
+    """1 where a pixel shows a surface point, csr array (pixel, point)."""
     films: np.ndarray
     """Pixels of the rows of `glow`, int, shape (end,)."""
     by_films: np.ndarray
@@ -90,11 +96,8 @@ class Seen:
     again: float
     """Sum of the weights of ends beyond two openings, over the number of rays [–]."""
 
-    def of_tiles(self, kept: np.ndarray) -> tuple[Seen, np.ndarray]:
-        """View of some tiles, bool (tile,), without their surfaces; the new number of each pixel.
-
-        It is −1 of a pixel that is in none of them.
-        """
+    def of_tiles(self, kept: np.ndarray) -> Seen:
+        """View of some tiles, bool (tile,)."""
         tiles, pixels = self.tiles.take(kept)
         number = np.full(len(self.directions), -1)
         number[pixels] = np.arange(len(pixels))
@@ -103,9 +106,14 @@ class Seen:
         return replace(
             self, tiles=tiles, directions=self.directions[pixels],
             sky={element: part[pixels] for element, part in self.sky.items()},
-            surfaces=self.surfaces.take(slice(0)), films=number[self.films[films]],
+            showing=self.showing[pixels], films=number[self.films[films]],
             by_films=self.by_films[films], glow=glow,
-        ), number  # fmt: skip
+        )  # fmt: skip
+
+    def of_points(self, kept: np.ndarray) -> Seen:
+        """View of some of the surface points, by their indices (point,)."""
+        showing = self.showing[:, kept].tocsr()
+        return replace(self, surfaces=self.surfaces.take(kept), showing=showing)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,10 +146,37 @@ class _Trace:
         element = self.elements[opening]
         return (element >= 0) | (element == BESIDES if fill == 0 else False)
 
-    def kept(self, rays: np.ndarray) -> _Trace:
-        """Ends of some rays, bool (ray,), on surfaces and outside."""
-        outside, surfaces = (e.take(rays[e.ray]) for e in (self.outside, self.surfaces))
-        return replace(self, outside=outside, surfaces=surfaces)
+    def alone(self, count: int) -> np.ndarray:
+        """Whether rays may stand for others of their tile, as they show surfaces, bool (ray,)."""
+        out = np.ones(count, bool)
+        out[self.outside.ray[self.outside.weight > FAINT]] = out[self.films.ray] = False
+        return out
+
+    def surfaces_of(
+        self, sent: EyeRays, kept: np.ndarray, channels: int
+    ) -> tuple[SeenSurfaces, Any]:
+        """Points of surfaces, one for the rays of a tile that meet the same; `Seen.showing`.
+
+        `kept` (pixel,) are the rays of the pixels.
+        """
+        count = len(sent.directions)
+        key = np.where(self.alone(count), _keys([self.surfaces], count), -1)
+        standing = merged(sent.tile, key, sent.directions)[kept]
+        is_met = np.zeros(count, bool)
+        is_met[standing] = True
+        ends = self.surfaces.take(is_met[self.surfaces.ray])
+        points, pixels = len(ends.ray), len(kept)
+        rows = _ones(ends.ray, np.arange(points), (count, points))
+        showing = _ones(np.arange(pixels), standing, (pixels, count))
+        weight = ends.weight.reshape(-1, channels) / np.pi
+        return SeenSurfaces(
+            ends.point + LIFT * ends.normal, ends.normal, weight, self.elements[ends.opening],
+            ends.ray,
+        ), showing @ rows  # fmt: skip
+
+    def outside_of(self, kept: np.ndarray) -> _Trace:
+        """Ends outside of the rays of pixels alone."""
+        return replace(self, outside=self.outside.take(np.isin(self.outside.ray, kept)))
 
 
 def seen(
@@ -177,20 +212,16 @@ def seen(
         _Trace.of(scene, channels, openings, fill, place, sent.directions)
         for fill, scene in enumerate(scenes)
     ]
-    alone = np.ones(count, bool)
-    for t in traces:
-        alone[t.outside.ray[t.outside.weight > FAINT]] = alone[t.films.ray] = False
+    alone = np.all([t.alone(count) for t in traces], axis=0)
     key = np.where(alone, _keys([t.surfaces for t in traces], count), -1)
     ray = merged(sent.tile, key, sent.directions)
     kept, pixel = np.unique(ray, return_inverse=True)
-    stays = np.zeros(count, bool)
-    stays[kept] = True
     again = sum(_again(ends) for t in traces for ends in (t.outside, t.films, t.surfaces))
     at = np.searchsorted(kept, np.arange(count)).clip(max=len(kept) - 1)
     first = np.flatnonzero(np.r_[True, np.diff(sent.tile) > 0, True])
     tiles = EyeTiles(first, sent.directions, pixel.ravel(), sent.solid_angle, forward)
-    traces = [t.kept(stays) for t in traces]
-    surfaces = [_surfaces(t, at, len(channels)) for t in traces]
+    surfaces = [t.surfaces_of(sent, kept, len(channels)) for t in traces]
+    traces = [t.outside_of(kept) for t in traces]
     glows = [glow(t.scene, t.films, suns, diameter, subdivision, seed) for t in traces]
     shown = []
     for fill, t in enumerate(traces):
@@ -200,11 +231,18 @@ def seen(
     by_images = [t.elements[own.opening] for t, own in zip(traces, shown, strict=True)]
     return Seen(
         tiles, sent.directions[kept], _of_sky(traces, at, len(kept), subdivision),
-        SeenSurfaces.joined(surfaces), np.concatenate([at[t.films.ray] for t in traces]),
+        SeenSurfaces.joined([points for points, _ in surfaces]),
+        sparse.hstack([showing for _, showing in surfaces]).tocsr(),
+        np.concatenate([at[t.films.ray] for t in traces]),
         np.concatenate([t.elements[t.films.opening] for t in traces]), FilmGlow.joined(glows),
         Images.joined(shown), np.concatenate(by_images),
         () if openings is None else openings.starts, float(again) / count,
     )  # fmt: skip
+
+
+def _ones(row: np.ndarray, column: np.ndarray, shape: tuple[int, int]) -> Any:
+    """Matrix with 1 at some places, csr array."""
+    return sparse.csr_array((np.ones(len(row), np.float32), (row, column)), shape)
 
 
 def _keys(surfaces: Sequence[Ends], count: int) -> np.ndarray:
@@ -228,16 +266,6 @@ def _again(ends: Ends) -> float:
     """Sum of the weights of ends that are seen by two openings in turn [–]."""
     weight = ends.weight[ends.again]
     return float(weight.sum() / max(1, weight.shape[-1] if weight.ndim > 1 else 1))
-
-
-def _surfaces(trace: _Trace, at: np.ndarray, channels: int) -> SeenSurfaces:
-    """Points of the surfaces of a trace; `at` is the pixel of every ray."""
-    ends = trace.surfaces
-    weight = ends.weight.reshape(-1, channels) / np.pi
-    return SeenSurfaces(
-        at[ends.ray], ends.point + LIFT * ends.normal, ends.normal, weight,
-        trace.elements[ends.opening],
-    )  # fmt: skip
 
 
 def _of_sky(traces: Sequence[_Trace], at: np.ndarray, pixels: int, subdivision: int) -> dict:

@@ -7,7 +7,7 @@ kept.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Protocol
@@ -20,6 +20,8 @@ from drcmitsuba.transport.elements.weights import BESIDES
 
 FIRST = 2
 """Number of replicates that tell which points of surfaces are bright at any hour."""
+NEARLY = 0.75
+"""Luminance of the first replicates that counts as bright, over that of a source."""
 POINTS = 128
 """Number of points whose luminances by each replicate are in memory at once."""
 
@@ -133,27 +135,38 @@ class SurfacesByElement:
 
 
 def cuts(shown: Seen, least: float) -> np.ndarray:
-    """Luminance that every surface point has to exceed to be part of a source [cd/m²], (point,).
+    """Luminance that a ray's points have to exceed together to be in a source [cd/m²], (point,).
 
-    It is that of a bright pixel, where the point is all that the pixel shows; else 0.
+    It is `NEARLY` that of a bright pixel, where these points are all that their pixels show in a
+    façade; else 0.
     """
-    surfaces, films = shown.surfaces, shown.films
-    pixels, elements = [surfaces.pixel, films], [surfaces.element, shown.by_films]
+    showing = shown.showing.tocoo()
+    pixel, point = showing.coords
+    pixels, elements, rays = [pixel], [shown.surfaces.element[point]], [shown.surfaces.ray[point]]
+    others = [(shown.films, shown.by_films)]
     for element, part in shown.sky.items():
-        pixels.append(np.repeat(np.arange(part.shape[0]), np.diff(part.indptr)))
-        elements.append(np.full(len(pixels[-1]), element))
-    every = np.concatenate(pixels), np.concatenate(elements)
-    return np.where(_alone(shown, *every)[surfaces.pixel], least, 0.0)
+        bright = np.flatnonzero(np.diff(part.indptr))
+        others.append((bright, np.full(len(bright), element)))
+    for i, (own, of_own) in enumerate(others, 1):
+        pixels.append(own)
+        elements.append(of_own)
+        rays.append(np.full(len(own), -i))
+    ends = np.stack([np.concatenate(column) for column in (pixels, elements, rays)])
+    several = ~_alone(ends, shown.starts, len(shown.directions))
+    return np.where(shown.showing.T @ several > 0, 0.0, NEARLY * least)
 
 
-def _alone(shown: Seen, pixel: np.ndarray, element: np.ndarray) -> np.ndarray:
-    """Whether pixels show one end in every façade, bool (pixel,)."""
-    count = len(shown.directions)
-    pairs, ends = np.unique(np.stack([pixel, element], 1), axis=0, return_counts=True)
-    several = np.bincount(pairs[:, 0], ends > 1, count) > 0
-    opening = np.searchsorted(shown.starts, pairs[:, 1], side="right")
-    openings = np.unique(np.stack([pairs[:, 0], opening], 1), axis=0)
-    return ~several & (np.bincount(openings[:, 0], minlength=count) <= 1)
+def _alone(ends: np.ndarray, starts: tuple[int, ...], pixels: int) -> np.ndarray:
+    """Whether pixels show what one ray met in every façade, bool (pixel,).
+
+    `ends` are rows of pixels, elements and rays, each (end,).
+    """
+    of_element = np.unique(ends, axis=1)
+    pairs, rays = np.unique(of_element[:2], axis=1, return_counts=True)
+    several = np.bincount(pairs[0], rays > 1, pixels) > 0
+    opening = np.searchsorted(starts, pairs[1], side="right")
+    openings = np.unique(np.stack([pairs[0], opening]), axis=1)
+    return ~several & (np.bincount(openings[0], minlength=pixels) <= 1)
 
 
 def light_of_surfaces(
@@ -169,24 +182,32 @@ def light_of_surfaces(
         Rows that the tracer tells apart.
     surfaces : SeenSurfaces
     least : np.ndarray, shape (point,)
-        Luminance up to which nothing of a point is kept [cd/m²].
+        Luminance up to which nothing of a ray's points is kept [cd/m²], from `cuts`.
     replicates : int
         Number of replicates of bright points.
     together : int
         Number of points that are traced at once.
     """
     first = FIRST if replicates - FIRST >= 2 else replicates
-    parts = []
-    for start in range(0, len(surfaces.points), together):
-        some = surfaces.take(slice(start, start + together))
-        traced = tracer(some, first, False)
+    count, rest = len(rows.elements), replicates - first
+    nothing = np.zeros(0, int)
+    parts = [
+        SurfacesByElement(
+            rows, nothing, nothing, np.zeros((count, 0), np.float32), nothing,
+            np.zeros((count, replicates, 0), np.float32),
+        )
+    ]  # fmt: skip
+    for some in _of_whole_rays(surfaces.ray, together):
+        own = surfaces.take(some)
+        traced = tracer(own, first, False)
         L = traced.mean()
-        bright = np.flatnonzero((rows.most(L) > DIM / 2).any(axis=1))
-        rest = replicates - first
+        most = rows.most(L)
+        counts = _of_rays(most, own.ray) > least[some, None]
+        bright = np.flatnonzero((most > DIM / 2).any(axis=1))
         size = together if rest <= first else max(1, together * first // rest)
         for begin in range(0, len(bright), size):
             points = bright[begin : begin + size]
-            further = tracer(some.take(points), rest, True) if rest else None
+            further = tracer(own.take(points), rest, True) if rest else None
             for k in range(0, len(points), POINTS):
                 here = points[k : k + POINTS]
                 each = traced.each(here)
@@ -194,24 +215,43 @@ def light_of_surfaces(
                     others = further.each(np.arange(k, k + len(here)))
                     each = np.concatenate([each, others], axis=1)
                     L[:, here] = each.mean(axis=1)
-                parts.append(_entries(rows, L[:, here], start + here, least, each))
-        dim = np.setdiff1d(np.arange(len(some.points)), bright)
-        none = np.zeros((len(rows.elements), replicates, 0, L.shape[2]), np.float32)
-        parts.append(_entries(rows, L[:, dim], start + dim, least, none))
-    if not parts:
-        nothing = np.zeros((len(rows.elements), 0, 0), np.float32)
-        of_none = np.zeros((len(rows.elements), replicates, 0, 0), np.float32)
-        parts.append(_entries(rows, nothing, np.zeros(0, int), least, of_none))
+                parts.append(_entries(rows, L[:, here], some.start + here, counts[here], each))
+        dim = np.setdiff1d(np.arange(len(own.points)), bright)
+        none = np.zeros((count, replicates, 0, L.shape[2]), np.float32)
+        parts.append(_entries(rows, L[:, dim], some.start + dim, counts[dim], none))
     return SurfacesByElement.joined(parts)
 
 
+def _of_whole_rays(ray: np.ndarray, together: int) -> Iterator[slice]:
+    """Yield points of whole rays (point,), about so many together."""
+    ends = np.append(np.flatnonzero(np.diff(ray)) + 1, len(ray))
+    start = 0
+    while start < len(ray):
+        following = ends[ends > start]
+        fit = following[following <= start + together]
+        end = int(fit[-1] if len(fit) else following[0])
+        yield slice(start, end)
+        start = end
+
+
+def _of_rays(values: np.ndarray, ray: np.ndarray) -> np.ndarray:
+    """Sum over the points that each point's ray (point,) met of values (point, time)."""
+    if not len(ray):
+        return values
+    first = np.flatnonzero(np.r_[True, np.diff(ray) != 0])
+    number = np.cumsum(np.r_[0, np.diff(ray) != 0])
+    return np.asarray(np.add.reduceat(values, first, axis=0)[number])
+
+
 def _entries(
-    rows: LightRows, L: np.ndarray, points: np.ndarray, least: np.ndarray, each: np.ndarray
+    rows: LightRows, L: np.ndarray, points: np.ndarray, counts: np.ndarray, each: np.ndarray
 ) -> SurfacesByElement:
-    """Light of some points that may count: L (row, point, time), by replicates of bright points."""
-    most = rows.most(L)
-    at, time = np.nonzero(most > least[points, None])
-    noisy = np.flatnonzero(most[at, time] > DIM) if each.shape[2] else np.zeros(0, int)
+    """Light of some points where it `counts` (point, time): L (row, point, time), by replicates.
+
+    Points that are dim have none of these.
+    """
+    at, time = np.nonzero(counts)
+    noisy = np.flatnonzero(rows.most(L)[at, time] > DIM) if each.shape[2] else np.zeros(0, int)
     deviation = np.zeros((*each.shape[:2], 0), np.float32)
     if len(noisy):
         deviation = each[:, :, at[noisy], time[noisy]]
