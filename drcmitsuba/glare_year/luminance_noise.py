@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drcmitsuba.glare_year.seen import Seen
+from drcmitsuba.glare_year.seen import Seen, sparse
 from drcmitsuba.picture.position_index import position_index
 
 DIM = 1000.0
@@ -58,10 +58,12 @@ class LuminanceNoise:
         weights = 2 * seen.tiles.by_pixel / position_index(local) ** 2 * (local[..., 2] > 0)
         of_points = np.asarray((seen.showing.T @ weights.T).T)
         share = shares[self.time, seen.surfaces.element[self.point]]
-        bright = share * np.where(least < self.luminance, self.luminance, 0)
-        slopes = of_points[:, self.point] * bright
+        counts = np.flatnonzero((least < self.luminance) & (share > 0))
+        time, point = self.time[counts], self.point[counts]
+        bright, deviation = (share * self.luminance)[counts], self.deviation[:, counts].T.copy()
         out = np.zeros((len(self.deviation), times, len(frames)))
-        for r, deviation in enumerate(self.deviation):
-            for v, slope in enumerate(slopes):
-                out[r, :, v] = np.bincount(self.time, slope * deviation, times)
+        for v, slope in enumerate(of_points[:, point] * bright):
+            place = time, np.arange(len(counts))
+            sums = sparse.csr_array((slope.astype(np.float32), place), (times, len(counts)))
+            out[..., v] = (sums @ deviation).T
         return out

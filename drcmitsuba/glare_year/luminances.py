@@ -27,15 +27,14 @@ class Luminances:
     """Share of its opening that every element takes, and 1 last, of what is seen by none [–],
     shape (time, element + 1)."""
 
-    @cached_property
-    def largest(self) -> np.ndarray:
-        """Luminance that no pixel exceeds but by films [cd/m²], shape (time,); ∞ with films."""
+    def may_exceed(self, least: float) -> np.ndarray:
+        """Whether a pixel may be brighter than a luminance [cd/m²] at each time, bool (time,)."""
         if len(self.seen.films):
-            return np.where(self.sky.any(axis=1) | (self.sun > 0), np.inf, 0)
-        ends = np.diff(self.seen.showing.indptr).max(initial=0)
-        brightest = np.zeros(len(self.sky))
-        np.maximum.at(brightest, self.surfaces.time, self.surfaces.luminance)
-        return np.asarray(self.sky.max(axis=1) + ends * brightest)
+            return np.asarray(self.sky.any(axis=1) | (self.sun > 0))
+        ends, lit = np.diff(self.seen.showing.indptr).max(initial=1), self.surfaces
+        bright = lit.time[lit.luminance > least / 2 / max(1, ends)]
+        of_surfaces = np.bincount(bright, minlength=len(self.sky)) > 0
+        return np.asarray((self.sky.max(axis=1) > least / 2) | of_surfaces)
 
     @cached_property
     def is_whole(self) -> np.ndarray:

@@ -63,7 +63,7 @@ class PlaceInFacade:
         """
         known, frames = self.known, eyes.frames[self.views]
         out = np.zeros((len(self.views), len(times)))
-        shining = known.largest[times] > rule.least
+        shining = known.may_exceed(rule.least)[times]
         whole = known.is_whole[times]
         tiles = known.seen.tiles.opened(rule.opening)
         step = max(64, LUMINANCES // len(tiles.rays))

@@ -49,11 +49,12 @@ class SeenSurfaces:
     @classmethod
     def joined(cls, parts: Sequence[SeenSurfaces]) -> SeenSurfaces:
         """Points of several places or traces, whose rays are told apart."""
-        names = [name for name in cls.__dataclass_fields__ if name != "ray"]
-        columns = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
         first = np.cumsum([0, *(part.ray.max(initial=-1) + 1 for part in parts)])
-        rays = [part.ray + start for part, start in zip(parts, first, strict=False)]
-        return cls(*columns, ray=np.concatenate(rays))
+        apart = [
+            replace(part, ray=part.ray + start) for part, start in zip(parts, first, strict=False)
+        ]
+        names = cls.__dataclass_fields__
+        return cls(*(np.concatenate([getattr(part, name) for part in apart]) for name in names))
 
     def take(self, some: slice | np.ndarray) -> SeenSurfaces:
         """Some of the points."""
