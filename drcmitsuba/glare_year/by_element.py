@@ -12,8 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
+from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.annual.chosen_facade import light_of_channels
 from drcmitsuba.annual.run import Run
@@ -27,6 +30,7 @@ from drcmitsuba.glare_year.seen import SeenSurfaces
 from drcmitsuba.glare_year.state import again_with, coarser, on_paths
 from drcmitsuba.glare_year.surface_light import LightRows
 from drcmitsuba.scene import scene
+from drcmitsuba.scene.geometry import rotation
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_in_state import grouped_panes
 from drcmitsuba.schema import channel_weights
@@ -69,8 +73,7 @@ class ElementTracing:
                 self.case, self.panes, self.light.suns, accuracy, run.enabled_effects, done,
                 receivers=at,
             )  # fmt: skip
-            L = luminances_of(self.light, channels[0].labels)
-            return EyeIlluminance(tuple(KnownYear.of(each, L) for each in channels))
+            return EyeIlluminance(tuple(KnownYear.of(each, self._L) for each in channels))
 
     def places(self, looking: Eyes, least: float) -> Iterator[SeenPlace]:
         """Trace what is seen from each place by every element; see `seen_places`."""
@@ -90,27 +93,53 @@ class ElementTracing:
         )  # fmt: skip
 
     def _traced(self, surfaces: SeenSurfaces, replicates: int, again: bool) -> _ByElement:
-        """Light of surfaces by element; a `Tracer`."""
+        """Light of surfaces by element; a `Tracer`.
+
+        Points in a room of boxes and beyond its walls are traced apart: those within are lit by way
+        of its openings alone.
+        """
+        shape = len(self.rows.elements), replicates, len(surfaces.points), self._L.shape[0]
+        out = np.zeros(shape, np.float32)
+        inside = self._inside(surfaces.points)
+        for some in (np.flatnonzero(inside), np.flatnonzero(~inside)):
+            if len(some):
+                self._trace(surfaces.take(some), replicates, again, out, some)
+        return _ByElement(out)
+
+    def _inside(self, points: np.ndarray) -> np.ndarray:
+        """Whether points lie in a room of boxes, bool (point,); True where there is none."""
+        room = self.case.room
+        if room is None:
+            return np.ones(len(points), bool)
+        own = points @ rotation(self.case)
+        return np.asarray(((own > 0) & (own < np.array(room.size))).all(axis=1))
+
+    def _trace(
+        self, surfaces: SeenSurfaces, replicates: int, again: bool, out: np.ndarray,
+        some: np.ndarray,
+    ) -> None:  # fmt: skip
+        """Add the light of surfaces to `out` (row, replicate, point, time) at `some` points."""
         run = again_with(self.run) if again else self.run
         accuracy = run.accuracy(coarser(self.case, replicates), len(surfaces.points))
         channels = light_of_channels(
             self.case, self.panes, self.light.suns, accuracy, run.enabled_effects, _untold,
             receivers=(surfaces.points, surfaces.normals),
         )  # fmt: skip
-        L, rows = luminances_of(self.light, channels[0].labels), self.rows
-        out = np.zeros(
-            (len(rows.elements), replicates, len(surfaces.points), L.shape[0]), np.float32
-        )
         for each, weight, share in zip(
             channels, surfaces.weight.T, channel_weights(len(channels)), strict=True
         ):
-            year = KnownYear.of(each, L)
+            year = KnownYear.of(each, self._L)
             factor = (share * weight).astype(np.float32)[:, None]
-            for row, element in enumerate(rows.elements):
+            for row, element in enumerate(self.rows.elements):
                 if element in year.lit:
                     E = year.of_element(element, self._drawn_with(element))
-                    out[row] += factor * E.swapaxes(1, 2)
-        return _ByElement(out)
+                    out[row][:, some] += factor * E.swapaxes(1, 2)
+
+    @cached_property
+    def _L(self) -> Any:
+        """Luminances of all bins [cd/m²], csr matrix (time, bin)."""
+        labels = (*Patches(self.case.sky.subdivision).labels, *self.light.suns.labels)
+        return luminances_of(self.light, labels)
 
     def _drawn_with(self, element: int) -> np.ndarray:
         """Shares (element,) of the façade as drawn but for one element."""
