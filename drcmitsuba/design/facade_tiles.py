@@ -14,6 +14,7 @@ from drcmitsuba.annual.simulation import joined_channels
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, SHADED, GroupStates
 from drcmitsuba.design.facade_groups import FacadeGroups
+from drcmitsuba.glare_year.by_element import ElementTracing
 from drcmitsuba.scene.materials import shade_covers
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.tiled_facades import TiledFacades
@@ -72,11 +73,13 @@ class TiledLight:
     where `as_drawn` has shares of all elements; None where the searched ones come first."""
     group: np.ndarray | None = None
     """Number of every element's group, −1 for none, int, shape (element,); likewise."""
+    tracing: ElementTracing | None = None
+    """Way to trace further light by the same elements; None where eyes are not asked for."""
 
     @classmethod
     def of(
         cls, tiled: TiledFacades, tiles: int, channels: tuple[LightByElement, ...],
-        groups: FacadeGroups | None = None,
+        groups: FacadeGroups | None = None, tracing: ElementTracing | None = None,
     ) -> TiledLight:  # fmt: skip
         """Put light to tiles.
 
@@ -90,6 +93,7 @@ class TiledLight:
             Light of all tiles in every colour channel.
         groups : FacadeGroups, optional
             Groups of panes that close one by one, see `groups_of`; by default one shade closes.
+        tracing : ElementTracing, optional
         """
         (drawn,) = tiled.drawn
         others = [drawn[g] for g in range(tiles, len(tiled.fills))]
@@ -104,6 +108,7 @@ class TiledLight:
             channels=channels,
             groups=groups,
             group=None if groups is None else group_of_elements(elements, places),
+            tracing=tracing,
         )
 
     def shares(self, composition: np.ndarray, state: int = 0) -> np.ndarray:

@@ -12,11 +12,13 @@ from matplotlib.figure import Figure
 
 from drcmitsuba.annual.chosen_facade import light_of_channels
 from drcmitsuba.annual.result import Result, evaluate
+from drcmitsuba.annual.run import Run
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.design import Design
 from drcmitsuba.case.facade import Facade
 from drcmitsuba.case.sun import Adaptive, TrueSun
-from drcmitsuba.design import pictures
+from drcmitsuba.design import facade_glare, pictures
+from drcmitsuba.design.facade_glare import FacadeGlare
 from drcmitsuba.design.facade_maps import Panes, Strips, Window
 from drcmitsuba.design.facade_tiles import TiledLight, groups_of
 from drcmitsuba.design.facade_year import FacadeYear
@@ -26,6 +28,7 @@ from drcmitsuba.design.parameters import Factor, Map, Parameter
 from drcmitsuba.design.problem import FacadeProblem
 from drcmitsuba.design.realise import realise
 from drcmitsuba.design.requirement import asked_of
+from drcmitsuba.glare_year.by_element import ElementTracing
 from drcmitsuba.model.materials import DiffuserMaterial, GlazingMaterial, check_energy
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
@@ -132,7 +135,9 @@ class Layout:
         InputError
             The weather is unfit, or a search cannot represent the case.
         """
-        return FacadeYear.of(*self.light(self.heights, 1, stage))
+        tiled, daylight = self.light(self.heights, 1, stage)
+        glare = None if tiled.tracing is None else FacadeGlare.of(tiled, stage)
+        return FacadeYear.of(tiled, daylight, glare)
 
     def light(
         self, heights: np.ndarray, kept: int | None = None, stage: Stage = silent
@@ -148,7 +153,7 @@ class Layout:
         with stage("sky"):
             daylight = daylight_of(case)
             asked_of(case, daylight)  # refused before any light is traced
-
+            with_eyes = facade_glare.asked_of(case)
         fills = ("wall", self.clear, self.film)
         tiled = TiledFacades.of_grid(case, self.side, heights, self.segments, fills)
         with stage("light by tile") as done:
@@ -156,7 +161,10 @@ class Layout:
                 tiled.case, tiled.panes, daylight.suns, case.accuracy, ALL_EFFECTS, done, kept
             )
         groups = groups_of(tiled, case, daylight.sky["time"])
-        return TiledLight.of(tiled, self.segments * (len(heights) - 1), channels, groups), daylight
+        tiles, tracing = self.segments * (len(heights) - 1), None
+        if with_eyes:
+            tracing = ElementTracing(tiled.case, tiled.panes, daylight, Run.of(case, ALL_EFFECTS))
+        return TiledLight.of(tiled, tiles, channels, groups, tracing), daylight
 
     @property
     def search(self) -> Search:

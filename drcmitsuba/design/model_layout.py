@@ -18,10 +18,12 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from drcmitsuba.annual.result import Result, evaluate
+from drcmitsuba.annual.run import Run
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.design import Design
 from drcmitsuba.case.sun import Adaptive, TrueSun
-from drcmitsuba.design import pictures
+from drcmitsuba.design import facade_glare, pictures
+from drcmitsuba.design.facade_glare import FacadeGlare
 from drcmitsuba.design.facade_maps import Panes, Strips
 from drcmitsuba.design.facade_tiles import TiledLight
 from drcmitsuba.design.facade_year import FacadeYear
@@ -33,6 +35,7 @@ from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.design.problem import FacadeProblem
 from drcmitsuba.design.requirement import asked_of
 from drcmitsuba.design.wall_picture import wall_picture
+from drcmitsuba.glare_year.by_element import ElementTracing
 from drcmitsuba.model.windows import COLUMNS, rows_of
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
@@ -105,15 +108,24 @@ class ModelLayout:
 
     def year(self, stage: Stage = silent) -> FacadeYear:
         """Openings under the daylight of the case's period; errors are those of `FacadeYear.of`."""
-        return FacadeYear.of(*self.light(stage))
+        tiled, daylight = self.light(stage)
+        glare = None if tiled.tracing is None else FacadeGlare.of(tiled, stage)
+        return FacadeYear.of(tiled, daylight, glare)
 
     def light(self, stage: Stage = silent) -> tuple[TiledLight, Daylight]:
         """Light by tile and fill, and the daylight of the case's period."""
         with stage("sky"):
             daylight = daylight_of(self.case)
             asked_of(self.case, daylight)  # refused before any light is traced
+            with_eyes = facade_glare.asked_of(self.case)
         shared = self.openings.simulated(self.case, daylight, stage)
-        return self.openings.tiled(shared, daylight.sky["time"]), daylight
+        tiled = self.openings.tiled(shared, daylight.sky["time"])
+        if with_eyes:
+            facades = shared.facades
+            run = Run.of(self.case, shared.scope)
+            tracing = ElementTracing(facades.case, facades.panes, daylight, run)
+            tiled = replace(tiled, tracing=tracing)
+        return tiled, daylight
 
     def problem(self, year: FacadeYear) -> FacadeProblem:
         """Optimisation problem of a year."""

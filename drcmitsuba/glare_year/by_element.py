@@ -29,13 +29,14 @@ from drcmitsuba.glare_year.place import SeenPlace, seen_places
 from drcmitsuba.glare_year.seen import SeenSurfaces
 from drcmitsuba.glare_year.state import again_with, coarser, on_paths
 from drcmitsuba.glare_year.surface_light import LightRows
+from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.geometry import rotation
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_in_state import grouped_panes
 from drcmitsuba.schema import channel_weights
 from drcmitsuba.sky.daylight import Daylight
-from drcmitsuba.transport.elements import chosen
+from drcmitsuba.transport.elements import LightByElement, chosen
 from drcmitsuba.transport.elements.known_year import KnownYear
 from drcmitsuba.transport.elements.weights import BESIDES
 
@@ -64,15 +65,21 @@ class ElementTracing:
         """Rows of the light of surfaces."""
         return LightRows.of(self.openings.starts)
 
+    def light_at_eyes(
+        self, looking: Eyes, done: Progress, kept: int | None = None
+    ) -> tuple[LightByElement, ...]:
+        """Light at the eyes by element, of every colour channel; `kept` as of `elements.compute`."""
+        run = on_paths(self.run)
+        accuracy, at = run.accuracy(self.case, len(looking)), (looking.points, looking.forward)
+        return light_of_channels(
+            self.case, self.panes, self.light.suns, accuracy, run.enabled_effects, done, kept,
+            receivers=at,
+        )  # fmt: skip
+
     def at_eyes(self, looking: Eyes) -> EyeIlluminance:
         """Vertical illuminance at the eyes by element."""
         with self.run.timed("eyes") as done:
-            run = on_paths(self.run)
-            accuracy, at = run.accuracy(self.case, len(looking)), (looking.points, looking.forward)
-            channels = light_of_channels(
-                self.case, self.panes, self.light.suns, accuracy, run.enabled_effects, done,
-                receivers=at,
-            )  # fmt: skip
+            channels = self.light_at_eyes(looking, done)
             return EyeIlluminance(tuple(KnownYear.of(each, self._L) for each in channels))
 
     def places(self, looking: Eyes, least: float) -> Iterator[SeenPlace]:

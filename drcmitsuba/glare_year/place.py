@@ -150,6 +150,28 @@ class SeenPlace:
         known = Luminances(self.seen, self.sky, self.sun, self.sun_index, lit, shares)
         return PlaceInFacade(self.views, known)
 
+    @property
+    def sources(self) -> list[int]:
+        """Elements by which sky, films or suns are seen, `BESIDES` among them."""
+        shown = self.seen
+        return sorted({*shown.sky, *shown.by_films.tolist(), *shown.by_images.tolist()})
+
+    def sums_by(self, element: int, eyes: Eyes, rule: Rule) -> np.ndarray:
+        """Σ L² ω / P² over the sources that are seen by the whole of one element alone.
+
+        Surfaces are left out.
+
+        Returns
+        -------
+        np.ndarray, shape (time, view)
+        """
+        times = len(self.sky)
+        shares = np.zeros((times, max(self.seen.starts, default=0) + 1))
+        shares[:, element] = 1
+        none = self.light.of_points(np.full(len(self.seen.surfaces.points), -1)).in_facade(shares)
+        known = Luminances(self.seen, self.sky, self.sun, self.sun_index, none, shares)
+        return PlaceInFacade(self.views, known).sums(eyes, rule, np.arange(times))[0]
+
     def of_sources(self, least: float) -> SeenPlace:
         """Place with only those tiles that may be brighter than `least` [cd/m²] at some hour."""
         shown, light = self.seen, self.light

@@ -66,6 +66,7 @@ from drcmitsuba.scene.panes_in_state import groups_with_surfaces
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import describe, mean_and_error
 from drcmitsuba.sky.daylight import Daylight, daylight
+from drcmitsuba.sky.luminances import bright_hours
 
 
 def glare(
@@ -172,12 +173,6 @@ def _sampler(case: Case, light: Daylight, looking: Eyes, rule: Rule, run: Run) -
     return StateSampler(case, light, looking, rule, run, states, index)
 
 
-def _bright(light: Daylight) -> np.ndarray:
-    """Time stamps at which the sky or the sun is bright, bool (time,)."""
-    sky = light.sky["sky"].transpose("time", "bin").values
-    return (sky > 0).any(axis=1) | (light.sky["sun"].values > 0)
-
-
 def pseudo_values(rule: Rule, E: np.ndarray, S: np.ndarray, deviations: np.ndarray) -> np.ndarray:
     """DGP by each replicate, as pseudo-values of the jackknife: R · DGP − (R − 1) · DGP without r.
 
@@ -213,7 +208,7 @@ def rated(
     coords: dict[str, Any] = {
         "state": np.array([*states], object), "time": light.sky["time"].values,
         "clock": ("time", light.sky["clock"].values), "view": np.array(looking.names, object),
-        "daylight": ("time", _bright(light).astype(np.int8)),
+        "daylight": ("time", bright_hours(light.sky).astype(np.int8)),
     }  # fmt: skip
     if (inside := prepared(case).rooms_of(looking.points)) is not None:
         names = np.array([*(space.name for space in prepared(case).spaces), ""], object)
