@@ -27,19 +27,23 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import APPLIED
 from drcmitsuba.design.facade_groups import FacadeGroups, applied, smooth_applied
 from drcmitsuba.design.facade_tiles import TiledLight
 from drcmitsuba.glare_year.by_element import ElementTracing
+from drcmitsuba.glare_year.element_sampler import samples_of
 from drcmitsuba.glare_year.eyes import Eyes, eyes
 from drcmitsuba.glare_year.place import SeenPlace
-from drcmitsuba.glare_year.result import CLASSES
+from drcmitsuba.glare_year.result import CLASSES, GlareYear
 from drcmitsuba.glare_year.rule import Rule
 from drcmitsuba.glare_year.surface_light import FIRST
+from drcmitsuba.glare_year.year import rated
 from drcmitsuba.metrics import smooth_step
 from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.picture.position_index import position_index
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.runtime.progress import Stage
+from drcmitsuba.runtime.random_streams import Stream, case_seed
 from drcmitsuba.schema import channel_weights
 from drcmitsuba.sky.luminances import bright_hours
 from drcmitsuba.transport.elements.smooth_year import Rows, SmoothYear, mixed
@@ -72,6 +76,7 @@ class _Surfaces(NamedTuple):
 class FacadeGlare:
     """Eyes of a searched façade, and what they see by element."""
 
+    tracing: ElementTracing
     looking: Eyes
     channels: tuple[tuple[float, SmoothYear], ...]
     """Weight in luminance, and illuminance at the eyes, of every colour channel."""
@@ -108,7 +113,7 @@ class FacadeGlare:
                 done(sum(len(one.views) for one in surfaces) / views)
         numbers = np.array([count if e == BESIDES else e for e in sums], int)
         return cls(
-            looking, tuple(zip(weights, years, strict=True)),
+            tracing, looking, tuple(zip(weights, years, strict=True)),
             (numbers, tuple(flat(S) for S in sums.values())), tuple(surfaces),
             bright_hours(light.sky),
         )  # fmt: skip
@@ -155,6 +160,35 @@ class FacadeGlare:
         dgp = applied(of_states, direct, rules, groups)[self.counted]
         return np.asarray(100 * (dgp > LIMIT).sum(axis=0) / self._count)
 
+    def afresh(
+        self, shares: mi.Float, E: Illuminances, direct: xr.DataArray, rules: Rules,
+        groups: FacadeGroups | None, stage: Stage,
+    ) -> GlareYear:  # fmt: skip
+        """Glare of a composition by light paths that took no part in the search, shade applied.
+
+        Parameters are those of `hard`.
+        """
+        count = len(E.states)
+        numbers = [dr.full(mi.TensorXf, k, (len(self.counted), 1)) for k in range(count)]
+        numbered = E._replace(open=numbers[0], shaded=numbers[1], others=tuple(numbers[2:]))
+        state = applied(numbered, direct, rules, groups)[:, 0].astype(int)
+        every = np.stack([own.numpy()[:-1] for own in self._of_states(shares)])
+        tracing, looking = self.tracing, self.looking
+        seed = case_seed(tracing.case.accuracy.seed, Stream.FRESH_SEED)
+        fresh = replace(tracing, run=replace(tracing.run, seed=seed, stage=stage))
+        samples = samples_of(
+            {APPLIED: every[state]}, fresh.at_eyes(looking), fresh.places(looking, RULE.least),
+            looking, RULE,
+        )  # fmt: skip
+        return rated(
+            tracing.case, tracing.light, looking, (APPLIED,), samples, (), rule=RULE, run=fresh.run
+        )
+
+    def _of_states(self, shares: mi.Float) -> list[mi.Float]:
+        """Shares of elements in every state of the façade."""
+        row = mi.TensorXf(shares, (1, dr.width(shares)))
+        return [shares, *((row @ closing).array for closing in self.channels[0][1].closings)]
+
     @property
     def _count(self) -> int:
         """Number of time stamps with daylight."""
@@ -169,11 +203,9 @@ class FacadeGlare:
         at_eyes = first.illuminance(shares, factors).scaled(weight)
         for weight, year in others:
             at_eyes = at_eyes.plus(year.illuminance(shares, factors).scaled(weight))
-        row = mi.TensorXf(shares, (1, dr.width(shares)))
-        every = [shares, *((row @ closing).array for closing in first.closings)]
         dgp = [
             self._dgp(Ev, self._sums(own, factors, bright))
-            for Ev, own in zip(at_eyes.states, every, strict=False)
+            for Ev, own in zip(at_eyes.states, self._of_states(shares), strict=True)
         ]
         return E._replace(open=dgp[0], shaded=dgp[1], others=tuple(dgp[2:]))
 
@@ -202,6 +234,16 @@ class FacadeGlare:
         contrast = dr.log(1 + S * dr.exp(-1.87 * dr.log(E))) / np.log(10)
         value = c.illuminance * Ev.array + c.contrast * contrast + c.offset
         return mi.TensorXf(value, Ev.shape)
+
+
+def worst_view(year: GlareYear) -> tuple[str, xr.Dataset]:
+    """View with the most hours of glare in the last state, and their share with its interval [%].
+
+    The interval has `value`, `low` and `high`.
+    """
+    every = year.interval(LIMIT).isel(state=-1)
+    worst = int(every["value"].argmax("view"))
+    return year.views[worst], every.isel(view=worst)
 
 
 def asked_of(case: Case) -> bool:

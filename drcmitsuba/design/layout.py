@@ -28,6 +28,7 @@ from drcmitsuba.design.parameters import Factor, Map, Parameter
 from drcmitsuba.design.problem import FacadeProblem
 from drcmitsuba.design.realise import realise
 from drcmitsuba.design.requirement import asked_of
+from drcmitsuba.glare_year import GlareYear, glare
 from drcmitsuba.glare_year.by_element import ElementTracing
 from drcmitsuba.model.materials import DiffuserMaterial, GlazingMaterial, check_energy
 from drcmitsuba.runtime.errors import InputError
@@ -136,8 +137,8 @@ class Layout:
             The weather is unfit, or a search cannot represent the case.
         """
         tiled, daylight = self.light(self.heights, 1, stage)
-        glare = None if tiled.tracing is None else FacadeGlare.of(tiled, stage)
-        return FacadeYear.of(tiled, daylight, glare)
+        seen = None if tiled.tracing is None else FacadeGlare.of(tiled, stage)
+        return FacadeYear.of(tiled, daylight, seen)
 
     def light(
         self, heights: np.ndarray, kept: int | None = None, stage: Stage = silent
@@ -174,6 +175,10 @@ class Layout:
     def afresh(self, optimum: FacadeOptimum, stage: Stage = silent) -> Result:
         """Evaluate an optimum as a case of its own."""
         return evaluate(self.built(optimum), stage)
+
+    def glare_afresh(self, optimum: FacadeOptimum, stage: Stage = silent) -> GlareYear:
+        """Glare of an optimum as a case of its own, at the views of the case."""
+        return glare(self.built(optimum), stage=stage)
 
     def tables(self, optimum: FacadeOptimum) -> dict[str, pd.DataFrame]:
         """Tables of an optimum by the names of their files; `optimum.json` has all of a box."""

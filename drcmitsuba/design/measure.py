@@ -19,8 +19,10 @@ from drcmitsuba import metrics
 from drcmitsuba.design.facade_glare import FacadeGlare
 from drcmitsuba.design.facade_groups import FacadeGroups, applied, smooth_applied
 from drcmitsuba.design.requirement import Requirement
+from drcmitsuba.glare_year import GlareYear
 from drcmitsuba.metrics import smooth
 from drcmitsuba.metrics.intervals.rules import Rules
+from drcmitsuba.runtime.progress import Stage
 from drcmitsuba.transport.elements.state_illuminances import Illuminances
 
 Aim = Literal["sDA", "worst month", "standard", "glare"]
@@ -90,8 +92,8 @@ class RatedCandidate:
         These are a largest ASE [%], an area of panes, by its deviation as a fraction, and a largest
         share of hours with glare, by its excess [%]. If no candidate holds them, the least ASE and
         glare among candidates with the required area; then the highest aim, where it has to reach a
-        value. Equal candidates are ordered by the smooth objective at the highest sharpness, so that the search
-        does not stop at the edge of a plateau of the hard metric.
+        value. Equal candidates are ordered by the smooth objective at the highest sharpness, so
+        that the search does not stop at the edge of a plateau of the hard metric.
         """
         over = 0.0 if ase_limit is None else max(self.hard.ase - ase_limit - ASE_TOLERANCE, 0.0)
         over += glare_excess
@@ -208,6 +210,13 @@ class Measure:
         """Hours with glare at the worst eye [%]."""
         direct = _dated(E.direct.numpy(), self.months)
         return float(glare.hard(*weights, E, direct, self.rules, self.groups).max())
+
+    def glare_afresh(
+        self, glare: FacadeGlare, shares: mi.Float, E: Illuminances, stage: Stage
+    ) -> GlareYear:
+        """Glare by the shares of elements, by other light paths than those of the search."""
+        direct = _dated(E.direct.numpy(), self.months)
+        return glare.afresh(shares, E, direct, self.rules, self.groups, stage)
 
 
 def _soft_minimum(values: mi.Float, beta: float) -> mi.Float:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import mitsuba as mi
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -35,6 +36,7 @@ from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.design.problem import FacadeProblem
 from drcmitsuba.design.requirement import asked_of
 from drcmitsuba.design.wall_picture import wall_picture
+from drcmitsuba.glare_year import GlareYear, glare
 from drcmitsuba.glare_year.by_element import ElementTracing
 from drcmitsuba.model.windows import COLUMNS, rows_of
 from drcmitsuba.runtime.errors import InputError
@@ -109,8 +111,8 @@ class ModelLayout:
     def year(self, stage: Stage = silent) -> FacadeYear:
         """Openings under the daylight of the case's period; errors are those of `FacadeYear.of`."""
         tiled, daylight = self.light(stage)
-        glare = None if tiled.tracing is None else FacadeGlare.of(tiled, stage)
-        return FacadeYear.of(tiled, daylight, glare)
+        seen = None if tiled.tracing is None else FacadeGlare.of(tiled, stage)
+        return FacadeYear.of(tiled, daylight, seen)
 
     def light(self, stage: Stage = silent) -> tuple[TiledLight, Daylight]:
         """Light by tile and fill, and the daylight of the case's period."""
@@ -171,6 +173,15 @@ class ModelLayout:
         facades = replace(facades, drawn=(rows,), members=facades.members[:1])
         shared = replace(openings.simulated(case, light, stage), facades=facades)
         return shared.simulated(0).result()
+
+    def glare_afresh(self, optimum: FacadeOptimum, stage: Stage = silent) -> GlareYear:
+        """Glare of an optimum at the views of the case, as `afresh`."""
+        if self.openings.walls is not None:
+            return glare(self.built(optimum), stage=stage)
+        problem, share = optimum.problem, mi.TensorXf(optimum.best.share.astype(np.float32))
+        assert problem.year.glare is not None
+        E, (shares, _) = problem.year.illuminance(share), problem.year.weights(share)
+        return problem.measure.glare_afresh(problem.year.glare, shares, E, stage)
 
     def built(self, optimum: FacadeOptimum) -> Case:
         """Case of an optimum whose new windows are drawn into the walls."""

@@ -20,7 +20,7 @@ the hard numbers of `metrics`, and only these are reported.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -224,7 +224,8 @@ class FacadeProblem(RatedProblem):
             outputs["glare_gradient"] = glare
         slopes = dict(zip(outputs, gradients(free, [*outputs.values()]), strict=True))
         hard = self._hard(E, weights, film=numbers[3], window=numbers[4])
-        smooth = FacadeScore(*numbers, glare=None if glare is None else float(glare[0]))
+        shown = None if glare is None else float(glare[0])
+        smooth = replace(FacadeScore(*numbers), glare=shown)
         return FacadeCandidate(np.array(x, float), sharpness, smooth, hard, share.numpy(), **slopes)
 
     def hard(self, share: np.ndarray) -> FacadeScore:

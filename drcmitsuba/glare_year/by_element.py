@@ -68,7 +68,7 @@ class ElementTracing:
     def light_at_eyes(
         self, looking: Eyes, done: Progress, kept: int | None = None
     ) -> tuple[LightByElement, ...]:
-        """Light at the eyes by element, of every colour channel; `kept` as of `elements.compute`."""
+        """Light at the eyes by element, channel by channel; `kept` as of `elements.compute`."""
         run = on_paths(self.run)
         accuracy, at = run.accuracy(self.case, len(looking)), (looking.points, looking.forward)
         return light_of_channels(
