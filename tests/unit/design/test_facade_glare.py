@@ -12,6 +12,7 @@ from drcmitsuba import InputError
 from drcmitsuba.design.facade_glare import worst_view
 from drcmitsuba.design.layout import Layout
 from drcmitsuba.runtime import backend
+from tests.fast import slowly
 
 CASE = """
 name = "room"
