@@ -211,9 +211,10 @@ class FacadeProblem(RatedProblem):
         values = self.values(free)
         share, E = self.illuminance(values)
         window, film = self.window_area(share), self._area(share, self.goal.film)
-        weights, glare = self.year.weights(share, self._scale(values)), None
-        if self.year.glare is not None:
-            glare = self.measure.glare_smooth(self.year.glare, weights, E, sharpness)
+        glare, seen = None, self.year.glare
+        if seen is not None:
+            weights = self.year.weights(share, self._scale(values))
+            glare = self.measure.glare_smooth(seen, weights, E, sharpness)
         aim, ase = self.measure.smooth(E, sharpness, glare)
         value = self._value(aim, film, window)
         numbers = [float(v[0]) for v in (value, aim, ase, film, window)]
@@ -223,7 +224,7 @@ class FacadeProblem(RatedProblem):
         if glare is not None:
             outputs["glare_gradient"] = glare
         slopes = dict(zip(outputs, gradients(free, [*outputs.values()]), strict=True))
-        hard = self._hard(E, weights, film=numbers[3], window=numbers[4])
+        hard = self._hard(share, E, numbers[3], numbers[4], self._scale(values))
         shown = None if glare is None else float(glare[0])
         smooth = replace(FacadeScore(*numbers), glare=shown)
         return FacadeCandidate(np.array(x, float), sharpness, smooth, hard, share.numpy(), **slopes)
@@ -233,7 +234,7 @@ class FacadeProblem(RatedProblem):
         composition = mi.TensorXf(np.asarray(share, np.float32))
         film, window = self._area(composition, self.goal.film), self.window_area(composition)
         E = self.year.illuminance(composition)
-        return self._hard(E, self.year.weights(composition), float(film[0]), float(window[0]))
+        return self._hard(composition, E, float(film[0]), float(window[0]))
 
     def area_error(self, score: Any) -> float:
         """Deviation of a score's `window_area` as a fraction; 0 within `AREA_TOLERANCE`."""
@@ -270,12 +271,13 @@ class FacadeProblem(RatedProblem):
         return Measure(goal.rules, goal.aim, year.months, year.groups, goal.requirement)
 
     def _hard(
-        self, E: Illuminances, weights: tuple[mi.Float, mi.Float], film: float, window: float
-    ) -> FacadeScore:
-        """Hard score of illuminances E, and of the weights of elements, with areas [m²]."""
-        glare = None
-        if self.year.glare is not None:
-            glare = self.measure.glare_hard(self.year.glare, weights, E)
+        self, share: mi.TensorXf, E: Illuminances, film: float, window: float,
+        scale: dict[str, mi.Float] | None = None,
+    ) -> FacadeScore:  # fmt: skip
+        """Hard score of a composition with illuminances E and areas of film and panes [m²]."""
+        glare, seen = None, self.year.glare
+        if seen is not None:
+            glare = self.measure.glare_hard(seen, self.year.weights(share, scale), E)
         aim, ase = self.measure.hard(E, glare)
         value = self._value(aim, film, window)
         return FacadeScore(value, aim, ase, film, window, self.goal.margin(aim), glare)

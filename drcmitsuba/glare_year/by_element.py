@@ -4,8 +4,9 @@ case, openings ─ illuminance by element ─► E_v: `KnownYear`, exact for eve
 eyes ─ rays, a trace for each number of a fill ─► `SeenPlace`
      ─ points of surfaces, those of all fills ──► their luminance by element
 
-What openings send back into the room onto surfaces is that of the façade as drawn but for the
-element itself: the light that an element brings in counts the fill that brings it.
+What openings send back into the room onto surfaces is, of the light that an element brings in, that
+of the façade whose openings all have the fill of its number: exact where they have, else to first
+order. Light at the eyes is exact for every façade.
 """
 
 from __future__ import annotations
@@ -139,7 +140,7 @@ class ElementTracing:
             factor = (share * weight).astype(np.float32)[:, None]
             for row, element in enumerate(self.rows.elements):
                 if element in year.lit:
-                    E = year.of_element(element, self._drawn_with(element))
+                    E = year.of_element(element, self._like(element))
                     out[row][:, some] += factor * E.swapaxes(1, 2)
 
     @cached_property
@@ -148,15 +149,13 @@ class ElementTracing:
         labels = (*Patches(self.case.sky.subdivision).labels, *self.light.suns.labels)
         return luminances_of(self.light, labels)
 
-    def _drawn_with(self, element: int) -> np.ndarray:
-        """Shares (element,) of the façade as drawn but for one element."""
-        starts = np.array(self.openings.starts)
-        shares = chosen(starts[:-1], np.zeros(len(starts) - 1, int), int(starts[-1]))
+    def _like(self, element: int) -> np.ndarray:
+        """Shares (element,) of the façade with the fill of an element's number in all openings."""
+        *first, count = self.openings.starts
+        fill = 0
         if element != BESIDES:
-            g = int(np.searchsorted(starts, element, side="right")) - 1
-            shares[starts[g] : starts[g + 1]] = 0
-            shares[element] = 1
-        return shares
+            fill = element - first[np.searchsorted(first, element, side="right") - 1]
+        return chosen(np.array(first), np.minimum(fill, self.openings.last), count)
 
 
 def _untold(share: float) -> None:
