@@ -52,12 +52,13 @@ def _facade(case: Case, output: Path, stage: Stage) -> None:
     from drcmitsuba.design.model_layout import ModelLayout
     from drcmitsuba.design.optimise import optimise as search
     from drcmitsuba.design.optimise import pareto
+    from drcmitsuba.glare_year import EyesOfSearch
     from drcmitsuba.report import plots
     from drcmitsuba.runtime import backend, storage
 
     backend.select()
     layout = Layout.of(case) if case.model is None else ModelLayout.of(case)
-    problem = layout.problem(layout.year(stage))
+    problem = layout.problem(layout.year(stage, EyesOfSearch.of))
     with stage("search") as done:
         optimum = search(problem, layout.search, done, layout.known(problem))
     _save_numbers(optimum, output)
@@ -153,7 +154,7 @@ def _nearest(optimum: Optimum) -> str:
 
 def _glare(year: GlareYear, searched: float | None, limit: float | None) -> str:
     """Say how many hours of glare there are afresh, and whether they are within a limit [%]."""
-    from drcmitsuba.design.facade_glare import LIMIT, worst_view
+    from drcmitsuba.glare_year.searched_eyes import LIMIT, worst_view
 
     view, share = worst_view(year)
     ends = {name: float(share[name]) for name in ("value", "low", "high")}

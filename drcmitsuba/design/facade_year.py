@@ -9,7 +9,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.design.facade_glare import FacadeGlare
+from drcmitsuba.design.facade_glare import TracedEyes
 from drcmitsuba.design.facade_groups import FacadeGroups
 from drcmitsuba.design.facade_tiles import TiledLight, Tiles
 from drcmitsuba.runtime.errors import InputError
@@ -40,12 +40,12 @@ class FacadeYear:
     """Groups of panes that close one by one; None where one shade closes."""
     daylight: Daylight | None = None
     """Daylight that the year is of; None where no standard asks for its hours."""
-    glare: FacadeGlare | None = None
+    eyes: TracedEyes | None = None
     """What eyes see; None where hours of glare are not asked for."""
 
     @classmethod
     def of(
-        cls, tiled: TiledLight, daylight: Daylight, glare: FacadeGlare | None = None
+        cls, tiled: TiledLight, daylight: Daylight, eyes: TracedEyes | None = None
     ) -> FacadeYear:
         """Put light by tile under the daylight of a case; errors are those of `SmoothYear.of`."""
         years = [
@@ -57,7 +57,7 @@ class FacadeYear:
         channels = tuple(zip(weights, years, strict=True))
         place = None if tiled.place is None else mi.Int32(np.append(tiled.place, -1))
         parts = tiled.tiles, tiled.materials, names, still, channels, place, tiled.groups
-        return cls(*parts, daylight, glare)
+        return cls(*parts, daylight, eyes)
 
     @property
     def months(self) -> np.ndarray:

@@ -16,13 +16,17 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba import metrics
-from drcmitsuba.design.facade_glare import FacadeGlare
+from drcmitsuba.design.facade_glare import (
+    TracedEyes,
+    Weights,
+    hard_hours,
+    smooth_hours,
+    states_of_hours,
+)
 from drcmitsuba.design.facade_groups import FacadeGroups, applied, smooth_applied
 from drcmitsuba.design.requirement import Requirement
-from drcmitsuba.glare_year import GlareYear
 from drcmitsuba.metrics import smooth
 from drcmitsuba.metrics.intervals.rules import Rules
-from drcmitsuba.runtime.progress import Stage
 from drcmitsuba.transport.elements.state_illuminances import Illuminances
 
 Aim = Literal["sDA", "worst month", "standard", "glare"]
@@ -197,26 +201,21 @@ class Measure:
         return float(np.nanmin(metrics.msda(total, t.sda_threshold, t.sda_fraction))), ase
 
     def glare_smooth(
-        self, glare: FacadeGlare, weights: tuple[mi.Float, mi.Float], E: Illuminances,
-        sharpness: float,
-    ) -> mi.Float:  # fmt: skip
+        self, eyes: TracedEyes, weights: Weights, E: Illuminances, sharpness: float
+    ) -> mi.Float:
         """Hours with glare at the worst eye [%], smooth, by shares and factors of elements."""
-        of_views = glare.smooth(*weights, E, self.rules, self.groups, sharpness)
+        of_views = smooth_hours(eyes, weights, E, self.rules, self.groups, sharpness)
         return -_soft_minimum(-of_views.array, sharpness / SOFTEST)
 
-    def glare_hard(
-        self, glare: FacadeGlare, weights: tuple[mi.Float, mi.Float], E: Illuminances
-    ) -> float:
+    def glare_hard(self, eyes: TracedEyes, weights: Weights, E: Illuminances) -> float:
         """Hours with glare at the worst eye [%]."""
         direct = _dated(E.direct.numpy(), self.months)
-        return float(glare.hard(*weights, E, direct, self.rules, self.groups).max())
+        return float(hard_hours(eyes, weights, E, direct, self.rules, self.groups).max())
 
-    def glare_afresh(
-        self, glare: FacadeGlare, shares: mi.Float, E: Illuminances, stage: Stage
-    ) -> GlareYear:
-        """Glare by the shares of elements, by other light paths than those of the search."""
+    def states(self, E: Illuminances) -> np.ndarray:
+        """Number of the state that the façade takes in every hour, int, shape (time,)."""
         direct = _dated(E.direct.numpy(), self.months)
-        return glare.afresh(shares, E, direct, self.rules, self.groups, stage)
+        return states_of_hours(E, direct, self.rules, self.groups)
 
 
 def _soft_minimum(values: mi.Float, beta: float) -> mi.Float:

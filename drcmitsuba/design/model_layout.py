@@ -12,6 +12,7 @@ tiles (`scene.tiled_walls`), each of which wall, clear glass and film share, as 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import mitsuba as mi
 import numpy as np
@@ -19,12 +20,11 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from drcmitsuba.annual.result import Result, evaluate
-from drcmitsuba.annual.run import Run
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.design import Design
 from drcmitsuba.case.sun import Adaptive, TrueSun
-from drcmitsuba.design import facade_glare, pictures
-from drcmitsuba.design.facade_glare import FacadeGlare
+from drcmitsuba.design import pictures
+from drcmitsuba.design.facade_glare import EyesOfCase, LitOpenings, TraceEyes, eyes_of
 from drcmitsuba.design.facade_maps import Panes, Strips
 from drcmitsuba.design.facade_tiles import TiledLight
 from drcmitsuba.design.facade_year import FacadeYear
@@ -36,8 +36,6 @@ from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.design.problem import FacadeProblem
 from drcmitsuba.design.requirement import asked_of
 from drcmitsuba.design.wall_picture import wall_picture
-from drcmitsuba.glare_year import GlareYear, glare
-from drcmitsuba.glare_year.by_element import ElementTracing
 from drcmitsuba.model.windows import COLUMNS, rows_of
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
@@ -108,25 +106,27 @@ class ModelLayout:
         """Settings of the search."""
         return Search.of(self.design)
 
-    def year(self, stage: Stage = silent) -> FacadeYear:
-        """Openings under the daylight of the case's period; errors are those of `FacadeYear.of`."""
-        tiled, daylight = self.light(stage)
-        seen = None if tiled.tracing is None else FacadeGlare.of(tiled, stage)
-        return FacadeYear.of(tiled, daylight, seen)
+    def year(self, stage: Stage = silent, trace_eyes: TraceEyes | None = None) -> FacadeYear:
+        """Openings under the daylight of the case's period, as `Layout.year`.
 
-    def light(self, stage: Stage = silent) -> tuple[TiledLight, Daylight]:
+        Errors are those of `FacadeYear.of` and `eyes_of`.
+        """
+        tiled, daylight = self.light(stage, eyes_of(self.case, trace_eyes))
+        return FacadeYear.of(tiled, daylight, tiled.eyes(daylight, stage))
+
+    def light(
+        self, stage: Stage = silent, eyes: EyesOfCase | None = None
+    ) -> tuple[TiledLight, Daylight]:
         """Light by tile and fill, and the daylight of the case's period."""
         with stage("sky"):
             daylight = daylight_of(self.case)
             asked_of(self.case, daylight)  # refused before any light is traced
-            with_eyes = facade_glare.asked_of(self.case)
         shared = self.openings.simulated(self.case, daylight, stage)
         tiled = self.openings.tiled(shared, daylight.sky["time"])
-        if with_eyes:
+        if eyes is not None:
             facades = shared.facades
-            run = Run.of(self.case, shared.scope)
-            tracing = ElementTracing(facades.case, facades.panes, daylight, run)
-            tiled = replace(tiled, tracing=tracing)
+            lit = LitOpenings(facades.case, facades.panes, shared.scope, eyes)
+            tiled = replace(tiled, openings=lit)
         return tiled, daylight
 
     def problem(self, year: FacadeYear) -> FacadeProblem:
@@ -174,14 +174,15 @@ class ModelLayout:
         shared = replace(openings.simulated(case, light, stage), facades=facades)
         return shared.simulated(0).result()
 
-    def glare_afresh(self, optimum: FacadeOptimum, stage: Stage = silent) -> GlareYear:
-        """Glare of an optimum at the views of the case, as `afresh`."""
-        if self.openings.walls is not None:
-            return glare(self.built(optimum), stage=stage)
+    def glare_afresh(self, optimum: FacadeOptimum, stage: Stage = silent) -> Any:
+        """`GlareYear` of an optimum at the views of the case, as `afresh`."""
         problem, share = optimum.problem, mi.TensorXf(optimum.best.share.astype(np.float32))
-        assert problem.year.glare is not None
-        E, (shares, _) = problem.year.illuminance(share), problem.year.weights(share)
-        return problem.measure.glare_afresh(problem.year.glare, shares, E, stage)
+        year = problem.year
+        assert year.eyes is not None
+        if self.openings.walls is not None:
+            return year.eyes.of_case(self.built(optimum), stage)
+        E, (shares, _) = year.illuminance(share), year.weights(share)
+        return year.eyes.in_states(shares, problem.measure.states(E), stage)
 
     def built(self, optimum: FacadeOptimum) -> Case:
         """Case of an optimum whose new windows are drawn into the walls."""

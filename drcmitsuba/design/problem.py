@@ -211,7 +211,7 @@ class FacadeProblem(RatedProblem):
         values = self.values(free)
         share, E = self.illuminance(values)
         window, film = self.window_area(share), self._area(share, self.goal.film)
-        glare, seen = None, self.year.glare
+        glare, seen = None, self.year.eyes
         if seen is not None:
             weights = self.year.weights(share, self._scale(values))
             glare = self.measure.glare_smooth(seen, weights, E, sharpness)
@@ -275,7 +275,7 @@ class FacadeProblem(RatedProblem):
         scale: dict[str, mi.Float] | None = None,
     ) -> FacadeScore:  # fmt: skip
         """Hard score of a composition with illuminances E and areas of film and panes [m²]."""
-        glare, seen = None, self.year.glare
+        glare, seen = None, self.year.eyes
         if seen is not None:
             glare = self.measure.glare_hard(seen, self.year.weights(share, scale), E)
         aim, ase = self.measure.hard(E, glare)

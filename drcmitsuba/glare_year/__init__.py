@@ -33,6 +33,8 @@ eye_samples, element_sampler
     What reaches the eyes in a façade; averages over rounds.
 rounds
     Further samples until the target of the case.
+searched_eyes
+    DGP as a function of shares of fills, with derivatives, for searches.
 result
     `GlareYear`: shares of the hours, classes of EN 17037, files and pictures.
 """
@@ -42,6 +44,7 @@ from __future__ import annotations
 from drcmitsuba.glare_year.glare_by_element import GlareElements, glare_elements
 from drcmitsuba.glare_year.result import GlareYear
 from drcmitsuba.glare_year.rule import Rule
+from drcmitsuba.glare_year.searched_eyes import EyesOfSearch
 from drcmitsuba.glare_year.year import glare
 
-__all__ = ["GlareElements", "GlareYear", "Rule", "glare", "glare_elements"]
+__all__ = ["EyesOfSearch", "GlareElements", "GlareYear", "Rule", "glare", "glare_elements"]

@@ -2,15 +2,15 @@
 
 from types import SimpleNamespace
 
-import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
 
 import drcmitsuba
 from drcmitsuba import InputError
-from drcmitsuba.design.facade_glare import worst_view
 from drcmitsuba.design.layout import Layout
+from drcmitsuba.glare_year import EyesOfSearch
+from drcmitsuba.glare_year.searched_eyes import worst_view
 from drcmitsuba.runtime import backend
 from tests.fast import slowly
 
@@ -79,7 +79,7 @@ def searched(tmp_path_factory):
     backend.select()
     file = case_in(tmp_path_factory.mktemp("room"), "glare_limit = 5.0\n")
     layout = Layout.of(drcmitsuba.load_case(file))
-    return layout, layout.problem(layout.year())
+    return layout, layout.problem(layout.year(trace_eyes=EyesOfSearch.of))
 
 
 def drawn(layout, problem, x):
@@ -96,9 +96,8 @@ def test_tiles_of_one_material_have_the_glare_of_a_façade_that_is_drawn_so(sear
     case, found = drawn(layout, problem, [*x, glass])
     theirs = drcmitsuba.glare(case)
     year, share = problem.year, mi.TensorXf(found.share.astype(np.float32))
-    E, weights = year.illuminance(share), year.weights(share)
-    states = year.glare._states(*weights, E, lambda L: dr.select(L > 2000, mi.Float(1), 0))
-    for mine, state in ((states.open, "open"), (states.shaded, "shaded")):
+    states = year.eyes.dgp(*year.weights(share), None)
+    for mine, state in zip(states, ("open", "shaded"), strict=True):
         dgp = theirs.hours.sel(state=state)
         apart = np.clip(mine.numpy(), 0, 1) - dgp["dgp"].values
         # Sources at the edges of tiles join in one of the two; the search has one replicate.
@@ -152,7 +151,12 @@ def test_a_search_without_an_eye_is_refused_before_any_light_is_traced(tmp_path,
     text, start = file.read_text(), "[views.desk]"
     file.write_text(text[: text.index(start)] + text[text.index("[accuracy]") :])
     with pytest.raises(InputError, match="views: no view; add a table"):
-        Layout.of(drcmitsuba.load_case(file)).year()
+        Layout.of(drcmitsuba.load_case(file)).year(trace_eyes=EyesOfSearch.of)
+
+
+def test_a_search_without_a_way_to_trace_eyes_says_so(searched):
+    with pytest.raises(InputError, match="design: trace_eyes: hours of glare without"):
+        searched[0].year()
 
 
 @pytest.mark.parametrize("key", ['objective = "glare"', "glare_limit = 5.0"])
