@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from drcmitsuba.annual.applied_states import applied_states
 from drcmitsuba.annual.attributes import attributes
 from drcmitsuba.annual.choice import Choice, ChosenFills
 from drcmitsuba.annual.chosen_facade import ChosenFacade, light_of_channels
@@ -60,8 +61,16 @@ class FacadesOfCase:
                 shares = facade.shares(np.tile(row, (stamps, 1)))
                 out.setdefault(moving.label(row.tolist()), shares)
         if facade.moving.groups:
-            out[APPLIED] = facade.shares(self._indices(facade))
+            indices = self._indices(facade) if choice else self._as_case(facade)
+            out[APPLIED] = facade.shares(indices)
         return out
+
+    def _as_case(self, facade: ChosenFacade) -> np.ndarray:
+        """State of every moving group without a choice, as an evaluation has it, (time, group)."""
+        names = prepared(self.case).groups.states.names
+        taken = applied_states(self.case, self.light, self.run)
+        assert taken is not None
+        return taken.of_group[:, [names.index(group.name) for group in facade.moving.groups]]
 
     def _indices(self, facade: ChosenFacade) -> np.ndarray:
         """State of every moving group at every time stamp, int, (time, group)."""
@@ -82,7 +91,8 @@ class FacadesOfCase:
             self.run.enabled_effects, sky=False, ground=False, depth=0, solved_cells=False
         )
         accuracy = self.run.accuracy(self.case, len(prepared(self.case).receivers))
+        kept = next(n for n in range(2, accuracy.replicates + 1) if accuracy.replicates % n == 0)
         with self.run.timed("sun on the sensors") as done:
             return light_of_channels(
-                self.case, self.panes, self.light.suns, accuracy, effects, done
+                self.case, self.panes, self.light.suns, accuracy, effects, done, kept
             )

@@ -100,6 +100,8 @@ class StateSampler:
     simulated: tuple[State, ...]
     index: np.ndarray | None = None
     """State of each time stamp in `applied`, int, shape (time,); None without it."""
+    remarks: tuple[str, ...] = ()
+    """Notes on what is left out."""
 
     @property
     def states(self) -> tuple[State, ...]:
@@ -112,7 +114,7 @@ class StateSampler:
 
     def notes(self) -> tuple[str, ...]:
         """Notes on what was simulated."""
-        return ()
+        return self.remarks
 
     def first(self) -> list[EyeSamples]:
         """Simulate the first round, of all hours and eyes."""

@@ -58,7 +58,6 @@ from drcmitsuba.glare_year.rounds import (
 from drcmitsuba.glare_year.rule import Rule
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime import backend
-from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.scene.fills import openings_of
 from drcmitsuba.scene.geometry import origin
@@ -162,12 +161,13 @@ def _sampler(case: Case, light: Daylight, looking: Eyes, rule: Rule, run: Run) -
         return ElementSampler(ElementTracing(case, panes, light, run), facades, looking, rule)
     taken = applied_states(case, light, run)
     assert taken is not None
-    if VARYING in taken.states:
-        got = "more states of its groups than are simulated one by one"
-        remedy = "take another sun, and groups whose states change panes alone"
-        raise InputError(case.source, "groups", got, remedy)
     last = np.array(groups.last)
     each = [groups.label(np.minimum(k, last).tolist()) for k in range(last.max() + 1)]
+    if VARYING in taken.states:
+        note = "glare with the shade applied is left out: its groups take too many states to be "
+        note += "simulated one by one, and light of this case is no sum over openings"
+        states = tuple(dict.fromkeys(each))
+        return StateSampler(case, light, looking, rule, run, states, remarks=(note,))
     states = tuple(dict.fromkeys((*each, *taken.states)))
     index = np.array([states.index(state) for state in taken.states])[taken.index]
     return StateSampler(case, light, looking, rule, run, states, index)
