@@ -8,9 +8,10 @@ from scipy import stats
 import drcmitsuba
 from drcmitsuba import InputError
 from drcmitsuba.annual.run import Run
+from drcmitsuba.case.schedule import hour_of_year
 from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.glare_year import year
-from drcmitsuba.glare_year.element_sampler import note_of
+from drcmitsuba.glare_year.element_sampler import ElementSampler, note_of
 from drcmitsuba.glare_year.eyes import eyes
 from drcmitsuba.glare_year.rounds import StateSampler
 from drcmitsuba.glare_year.rule import Rule
@@ -192,6 +193,48 @@ def test_a_model_is_as_its_states(tmp_path):
     ours, theirs = drcmitsuba.glare(case), simulated(case, "open", "shaded")
     for state in ("open", "shaded"):
         agree(ours.hours.sel(state=state), theirs.hours.sel(state=state))
+
+
+def sampler_of(case):
+    """Way in which `glare` simulates a case."""
+    light = daylight(case)
+    run = Run.of(case, plan(case, light).scope)
+    return year._sampler(case, light, eyes(case), Rule(), run)
+
+
+def test_groups_may_take_any_number_of_states(tmp_path):
+    """Schedules of two groups of 14 states each, which take another pair in every hour."""
+    names = [f"cloth{k}" for k in range(13)]
+    cloths = "".join(
+        f'[materials.{name}]\ntype = "diffuser"\ntransmittance = {0.02 * (k + 1):.2f}\n'
+        for k, name in enumerate(names)
+    )
+    groups = "".join(
+        f'[groups.{side}]\npanes = ["glass"]\nfacing = "{side}"\nstates = {names}\n'
+        f'schedule = "{side}.csv"\n'
+        for side in ("south", "east")
+    ).replace("'", '"')
+    hours = np.arange(8760)
+    for side, step in (("south", 1), ("east", 5)):
+        rows = ["open" if k == 0 else names[k - 1] for k in hours * step % 14]
+        (tmp_path / f"{side}.csv").write_text(f"{side}\n" + "\n".join(rows) + "\n")
+    case = case_in(tmp_path, more=EAST + cloths + groups, times=TIMES)
+    sampler = sampler_of(case)
+    assert isinstance(sampler, ElementSampler)
+    assert sampler.states == ("open", *(f"{name}/{name}" for name in names), "applied")
+    shares = sampler.facades["applied"]
+    taken = [np.flatnonzero(row) - [0, 14] for row in shares]
+    assert [t.tolist() for t in taken] == [
+        [h % 14, 5 * h % 14] for h in hour_of_year(sampler.tracing.light.sky["time"])
+    ]
+
+
+def test_an_adaptive_sun_is_simulated_state_by_state(office):
+    case = office.with_tables(sun=Adaptive(model="adaptive"))
+    sampler = sampler_of(case)
+    assert isinstance(sampler, StateSampler)
+    assert sampler.states[:3] == ("open", "cloth/cloth", "thick/thick")
+    assert sampler.states[-1] == "applied"
 
 
 def test_what_lies_beyond_two_openings_is_noted():
