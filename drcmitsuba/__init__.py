@@ -10,8 +10,9 @@ sky, weather, period, coefficients, accumulate
     Luminances L of the sky and the suns; C = D + G·D; E = C·L.
 elements, controlled, lights
     Light by opening and fill, and any façade from it; E of a control; who lights a point.
-glare, view_distances
-    DGP of every view at every time stamp; how far points see beyond clear openings.
+glare, glare_elements, view_distances
+    DGP of every view at every time stamp, and of any façade from what is seen by opening and fill;
+    how far points see beyond clear openings.
 
 Other rooms are imported when asked for. Importing the package makes its Mitsuba plugins known.
 """
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from drcmitsuba.case.shipped import shipped_cases as shipped_cases
     from drcmitsuba.glare_year import GlareYear as GlareYear
     from drcmitsuba.glare_year import glare as glare
+    from drcmitsuba.glare_year import glare_elements as glare_elements
     from drcmitsuba.metrics import accumulate as accumulate
     from drcmitsuba.rendering.frames import render as render
     from drcmitsuba.runtime import backend as backend
@@ -62,6 +64,7 @@ _NAMES = {
     "evaluate": "annual.result:evaluate",
     "evaluate_within": "annual.result:evaluate_within",
     "glare": "glare_year:glare",
+    "glare_elements": "glare_year:glare_elements",
     "lights": "annual.lights:lights",
     "lights_of_sensors": "annual.lights:lights_of_sensors",
     "load_case": "case.reading:load_case",

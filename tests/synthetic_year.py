@@ -59,6 +59,7 @@ class SyntheticYear:
 
     groups = None
     daylight = None
+    eyes = None
     tiles: Tiles
     time: int = 240
     grid: tuple = (5, 8)

@@ -29,11 +29,12 @@ from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.elements import LightByElement, compute
 from drcmitsuba.transport.elements.known_year import KnownYear
 from drcmitsuba.transport.elements.simulate import MOST_BYTES
+from drcmitsuba.transport.elements.trace import Points
 
 
 def light_of_channels(
     case: Case, panes: PaneGroups, suns: Suns, accuracy: Accuracy, effects: EnabledEffects,
-    progress: Progress, kept: int | None = None,
+    progress: Progress, kept: int | None = None, receivers: Points | None = None,
 ) -> tuple[LightByElement, ...]:  # fmt: skip
     """Light by element of every colour channel of a case; one of a grey case.
 
@@ -43,7 +44,7 @@ def light_of_channels(
     return tuple(
         compute(
             case, panes, suns, accuracy, effects, channel=number, kept=kept,
-            most_bytes=MOST_BYTES // len(numbers),
+            receivers=receivers, most_bytes=MOST_BYTES // len(numbers),
             progress=part(progress, i / len(numbers), (i + 1) / len(numbers)),
         )
         for i, number in enumerate(numbers)

@@ -73,7 +73,8 @@ def years_of_states(
         def made(its: Accuracy = its, here: slice = here, done: Progress = done) -> xr.Dataset:
             years = [
                 elements.illuminance(
-                    case, groups, daylight.suns, its, effects, year, channel=channel, sensors=here,
+                    case, groups, daylight.suns, its, effects, year, channel=channel,
+                    receivers=(points[here], normals[here]),
                     progress=part(done, i / len(channels), (i + 1) / len(channels)),
                 )
                 for i, channel in enumerate(channels)

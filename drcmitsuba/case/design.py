@@ -65,10 +65,11 @@ class Design(Table):
     """Number of tiles side by side; default: the façade's segments, and one in a model's wall."""
     wwr: Literal["fixed"] | tuple[Share, Share] = "fixed"
     """Window-to-wall ratio: "fixed" as the façade has it, or a range [–]."""
-    objective: Literal["sDA", "worst month", "standard", "area"] = "sDA"
-    """Metric to maximise: sDA, msDA of the worst month, or the margin by which a `level` of a
-    `standard` is reached. "area": the least area that has `sda_least`, or reaches the level, of
-    windows where `wwr` is a range, of film where the windows stay."""
+    objective: Literal["sDA", "worst month", "standard", "glare", "area"] = "sDA"
+    """Metric to maximise: sDA, msDA of the worst month, the margin by which a `level` of a
+    `standard` is reached, or the hours without glare at the view of the case that has the fewest.
+    "area": the least area that has `sda_least`, or reaches the level, of windows where `wwr` is a
+    range, of film where the windows stay."""
     sda_least: Percent | None = None
     """Least sDA, for the objective "area" [%]."""
     standard: Name | None = None
@@ -79,6 +80,9 @@ class Design(Table):
     """Reduction of the objective where film fills the whole band [%]; less film costs less."""
     ase_limit: Percent = 10.0
     """Largest ASE [%]."""
+    glare_limit: Percent | None = None
+    """Largest share of the occupied hours with daylight in which DGP exceeds 0.40 at any view of
+    the case, shade applied [%]; default: no limit."""
     starts: Annotated[int, Field(ge=1, le=1000)] = 1
     """Number of starts: the case's own façade, then random ones; the best of a scan is one more."""
     pareto: Annotated[int, Field(ge=0, le=100)] = 8
@@ -102,11 +106,16 @@ class Design(Table):
         return not self.model_fields_set.isdisjoint(OF_WALLS)
 
     @property
-    def aim(self) -> Literal["sDA", "worst month", "standard"]:
+    def aim(self) -> Literal["sDA", "worst month", "standard", "glare"]:
         """Metric that is maximised, or that the least area has to reach."""
         if self.objective != "area":
             return self.objective
         return "sDA" if self.standard is None else "standard"
+
+    @property
+    def asks_glare(self) -> bool:
+        """Whether hours of glare are an objective or have a limit."""
+        return self.objective == "glare" or self.glare_limit is not None
 
     @model_validator(mode="after")
     def _one_kind(self) -> Design:
@@ -131,7 +140,7 @@ class Design(Table):
 
     @model_validator(mode="after")
     def _condition(self) -> Design:
-        if self.objective in ("standard", "area") and self.component is not None:
+        if self.objective in ("standard", "area", "glare") and self.component is not None:
             got = "the tilt of a component is searched by sDA or msDA alone"
             raise InputError("design", "objective", got, 'give "sDA" or "worst month"')
         if self.objective == "area" and self.sda_least is None and self.standard is None:

@@ -10,12 +10,14 @@ from rich.table import Table
 
 from drcmitsuba.cli.options import Output, Weather, argument, load
 from drcmitsuba.cli.terminal import percent, show, stages
+from drcmitsuba.runtime.errors import on_a_line
 
 if TYPE_CHECKING:
     from drcmitsuba.annual.result import Result
     from drcmitsuba.case.case import Case
     from drcmitsuba.design.requirement import Requirement
     from drcmitsuba.design.search import Optimum
+    from drcmitsuba.glare_year import GlareYear
     from drcmitsuba.runtime.progress import Stage
 
 WRITTEN = (
@@ -50,12 +52,13 @@ def _facade(case: Case, output: Path, stage: Stage) -> None:
     from drcmitsuba.design.model_layout import ModelLayout
     from drcmitsuba.design.optimise import optimise as search
     from drcmitsuba.design.optimise import pareto
+    from drcmitsuba.glare_year import EyesOfSearch
     from drcmitsuba.report import plots
     from drcmitsuba.runtime import backend, storage
 
     backend.select()
     layout = Layout.of(case) if case.model is None else ModelLayout.of(case)
-    problem = layout.problem(layout.year(stage))
+    problem = layout.problem(layout.year(stage, EyesOfSearch.of))
     with stage("search") as done:
         optimum = search(problem, layout.search, done, layout.known(problem))
     _save_numbers(optimum, output)
@@ -83,6 +86,8 @@ def _facade(case: Case, output: Path, stage: Stage) -> None:
     _print(optimum, "best façade", fresh, areas)
     if fresh is not None and problem.goal.requirement is not None:
         print(_outcome(str(layout.design.standard), problem.goal.requirement, fresh))
+    if fresh is not None and layout.design.asks_glare:
+        print(_glare(layout.glare_afresh(optimum, stage), hard.glare, layout.design.glare_limit))
     print(f"{optimum.evaluations} evaluations with gradients in {optimum.seconds:.1f} s")
     for name in tables:
         print(f'{name}: to draw the new windows into the model, give windows = "{name}" in [model]')
@@ -145,6 +150,20 @@ def _nearest(optimum: Optimum) -> str:
         f"sDA ≥ {goal.least.aim:g} % is not reached: the highest that holds the other limits is "
         f"{hard.aim:.1f} %"
     )
+
+
+def _glare(year: GlareYear, searched: float | None, limit: float | None) -> str:
+    """Say how many hours of glare there are afresh, and whether they are within a limit [%]."""
+    from drcmitsuba.glare_year.searched_eyes import LIMIT, worst_view
+
+    view, share = worst_view(year)
+    ends = {name: float(share[name]) for name in ("value", "low", "high")}
+    words = f"hours with DGP above {LIMIT:.2f} at {on_a_line(view)}, the worst view: "
+    words += f"{searched:.1f} % by the search, {percent(ends)} % afresh"
+    if limit is None:
+        return words
+    held = "holds" if ends["value"] <= limit else "exceeds"
+    return f"{words}, which {held} the limit of {limit:g} %"
 
 
 def _outcome(standard: str, asked: Requirement, fresh: Result) -> str:

@@ -4,7 +4,8 @@
 - `measure`: rating of a year, smooth and hard; `search`: step, history, loop and optimum
 - `layout`, `goal`, `problem`, `optimise`, `realise`: the façade, from `[design]` to a case to be
   built; `constraints`, `area_search`: parts of `optimise`, for the least area the last one;
-  `model_layout`: the panes of a model; `facade_groups`: panes that close one by one
+  `model_layout`: the panes of a model; `facade_groups`: panes that close one by one;
+  `facade_glare`: hours of glare, of eyes that the caller passes
 - `cheapest_change`, `change`: the least change for the next level of a standard; `requirement`,
   `change_problem`, `change_search`, `composed_facades`, `present_facade`
 - `tilt`, `tilt_search`: the tilt of lamellae

@@ -1,7 +1,7 @@
-"""Constraints of SLSQP on the smooth twins of a façade: area of the panes, ASE, and a least aim.
+"""Constraints of SLSQP on a façade's smooth twins: area of the panes, ASE, glare, a least aim.
 
-Smooth and hard numbers differ, so the limits of ASE and of the aim are shifted by their difference
-at the start of a stage.
+Smooth and hard numbers differ, so the limits of ASE, of glare and of the aim are shifted by their
+difference at the start of a stage.
 """
 
 from __future__ import annotations
@@ -50,6 +50,18 @@ def ase_constraint(limit: float, at: At, start: FacadeCandidate) -> dict[str, An
         "type": "ineq",
         "fun": lambda p: (limit - shift - at(p).smooth.ase) / 100,
         "jac": lambda p: -at(p).ase_gradient / 100,
+    }
+
+
+def glare_constraint(limit: float, at: At, start: FacadeCandidate) -> dict[str, Any]:
+    """Constraint on the smooth hours of glare, whose limit is lowered as that of ASE."""
+    assert start.hard.glare is not None
+    assert start.smooth.glare is not None
+    shift = start.hard.glare - start.smooth.glare
+    return {
+        "type": "ineq",
+        "fun": lambda p: (limit - shift - at(p).smooth.glare) / 100,  # type: ignore[operator]
+        "jac": lambda p: -at(p).glare_gradient / 100,  # type: ignore[operator]
     }
 
 

@@ -13,10 +13,13 @@ import xarray as xr
 from drcmitsuba.annual.simulation import joined_channels
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, SHADED, GroupStates
+from drcmitsuba.design.facade_glare import LitOpenings, TracedEyes
 from drcmitsuba.design.facade_groups import FacadeGroups
+from drcmitsuba.runtime.progress import Stage
 from drcmitsuba.scene.materials import shade_covers
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.tiled_facades import TiledFacades
+from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.transport.elements import LightByElement
 
 
@@ -72,11 +75,13 @@ class TiledLight:
     where `as_drawn` has shares of all elements; None where the searched ones come first."""
     group: np.ndarray | None = None
     """Number of every element's group, −1 for none, int, shape (element,); likewise."""
+    openings: LitOpenings | None = None
+    """What the light was traced by, with the eyes; None where hours of glare are not asked for."""
 
     @classmethod
     def of(
         cls, tiled: TiledFacades, tiles: int, channels: tuple[LightByElement, ...],
-        groups: FacadeGroups | None = None,
+        groups: FacadeGroups | None = None, openings: LitOpenings | None = None,
     ) -> TiledLight:  # fmt: skip
         """Put light to tiles.
 
@@ -90,6 +95,7 @@ class TiledLight:
             Light of all tiles in every colour channel.
         groups : FacadeGroups, optional
             Groups of panes that close one by one, see `groups_of`; by default one shade closes.
+        openings : LitOpenings, optional
         """
         (drawn,) = tiled.drawn
         others = [drawn[g] for g in range(tiles, len(tiled.fills))]
@@ -104,6 +110,16 @@ class TiledLight:
             channels=channels,
             groups=groups,
             group=None if groups is None else group_of_elements(elements, places),
+            openings=openings,
+        )
+
+    def eyes(self, daylight: Daylight, stage: Stage) -> TracedEyes | None:
+        """What eyes see by the same elements; None where hours of glare are not asked for."""
+        lit = self.openings
+        if lit is None:
+            return None
+        return lit.eyes.traced(
+            lit.case, lit.panes, daylight, lit.effects, self.is_open, self.closings, stage
         )
 
     def shares(self, composition: np.ndarray, state: int = 0) -> np.ndarray:

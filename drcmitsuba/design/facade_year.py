@@ -9,6 +9,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from drcmitsuba.design.facade_glare import TracedEyes
 from drcmitsuba.design.facade_groups import FacadeGroups
 from drcmitsuba.design.facade_tiles import TiledLight, Tiles
 from drcmitsuba.runtime.errors import InputError
@@ -39,9 +40,13 @@ class FacadeYear:
     """Groups of panes that close one by one; None where one shade closes."""
     daylight: Daylight | None = None
     """Daylight that the year is of; None where no standard asks for its hours."""
+    eyes: TracedEyes | None = None
+    """What eyes see; None where hours of glare are not asked for."""
 
     @classmethod
-    def of(cls, tiled: TiledLight, daylight: Daylight) -> FacadeYear:
+    def of(
+        cls, tiled: TiledLight, daylight: Daylight, eyes: TracedEyes | None = None
+    ) -> FacadeYear:
         """Put light by tile under the daylight of a case; errors are those of `SmoothYear.of`."""
         years = [
             SmoothYear.of(light, daylight, tiled.is_open, tiled.closings, tiled.group)
@@ -52,7 +57,7 @@ class FacadeYear:
         channels = tuple(zip(weights, years, strict=True))
         place = None if tiled.place is None else mi.Int32(np.append(tiled.place, -1))
         parts = tiled.tiles, tiled.materials, names, still, channels, place, tiled.groups
-        return cls(*parts, daylight)
+        return cls(*parts, daylight, eyes)
 
     @property
     def months(self) -> np.ndarray:
@@ -87,17 +92,23 @@ class FacadeYear:
         InputError
             No tile can have a material of `scale`.
         """
-        if self.place is None:
-            shares = dr.concat((share.array, self.still))
-        else:
-            at, here = mi.UInt32(dr.maximum(self.place, 0)), self.place >= 0
-            shares = dr.select(here, dr.gather(mi.Float, share.array, at, here), self.still)
-        factors = self._factors(scale or {})
+        shares, factors = self.weights(share, scale)
         (weight, first), *others = self.channels
         E = first.illuminance(shares, factors).scaled(weight)
         for weight, year in others:
             E = E.plus(year.illuminance(shares, factors).scaled(weight))
         return E
+
+    def weights(
+        self, share: mi.TensorXf, scale: Mapping[str, mi.Float] | None = None
+    ) -> tuple[mi.Float, mi.Float]:
+        """Shares and factors of all elements, (element + 1,) each; arguments as `illuminance`."""
+        factors = self._factors(scale or {})
+        if self.place is None:
+            return dr.concat((share.array, self.still)), factors
+        at, here = mi.UInt32(dr.maximum(self.place, 0)), self.place >= 0
+        shares = dr.select(here, dr.gather(mi.Float, share.array, at, here), self.still)
+        return shares, factors
 
     def _factors(self, scale: Mapping[str, mi.Float]) -> mi.Float:
         """Factor of the light of every element, and 1."""

@@ -40,6 +40,8 @@ class Goal:
         Area that is minimised; default: the aim is maximised.
     requirement : Requirement, optional
         Level of a standard whose margin is the aim "standard"; it is reached from 0 on.
+    glare_limit : float, optional
+        Largest share of the hours with glare at any eye [%]; default: no limit.
     """
 
     rules: Rules
@@ -50,6 +52,7 @@ class Goal:
     window_area: tuple[float, float] | None = None
     least: LeastArea | None = None
     requirement: Requirement | None = None
+    glare_limit: float | None = None
 
     @classmethod
     def of(
@@ -67,7 +70,10 @@ class Goal:
             least = LeastArea(of, 0.0 if design.sda_least is None else design.sda_least)
         cost, limit = design.film_cost, design.ase_limit
         of_case = rules(case, year.step_hours)
-        return cls(of_case, film, design.aim, cost, limit, window_area, least, requirement)
+        return cls(
+            of_case, film, design.aim, cost, limit, window_area, least, requirement,
+            design.glare_limit,
+        )  # fmt: skip
 
     def value(self, aim: Any, film: Any, window: Any) -> Any:
         """Objective [%] of an aim [%], and areas of film and panes over that of the tiles [–]."""

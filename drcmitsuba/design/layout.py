@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
@@ -17,6 +17,7 @@ from drcmitsuba.case.design import Design
 from drcmitsuba.case.facade import Facade
 from drcmitsuba.case.sun import Adaptive, TrueSun
 from drcmitsuba.design import pictures
+from drcmitsuba.design.facade_glare import EyesOfCase, LitOpenings, TraceEyes, eyes_of
 from drcmitsuba.design.facade_maps import Panes, Strips, Window
 from drcmitsuba.design.facade_tiles import TiledLight, groups_of
 from drcmitsuba.design.facade_year import FacadeYear
@@ -124,19 +125,27 @@ class Layout:
         """Edges of the rows, from the bottom up, shape (rows + 1,) [m]."""
         return np.linspace(*self.band, self.rows + 1)
 
-    def year(self, stage: Stage = silent) -> FacadeYear:
+    def year(self, stage: Stage = silent, trace_eyes: TraceEyes | None = None) -> FacadeYear:
         """Façade under the daylight of the case's period.
+
+        Parameters
+        ----------
+        stage : callable
+        trace_eyes : callable, optional
+            `drcmitsuba.glare_year.EyesOfSearch.of`, where `[design]` asks for hours of glare.
 
         Raises
         ------
         InputError
             The weather is unfit, or a search cannot represent the case.
         """
-        return FacadeYear.of(*self.light(self.heights, 1, stage))
+        tiled, daylight = self.light(self.heights, 1, stage, eyes_of(self.case, trace_eyes))
+        return FacadeYear.of(tiled, daylight, tiled.eyes(daylight, stage))
 
     def light(
-        self, heights: np.ndarray, kept: int | None = None, stage: Stage = silent
-    ) -> tuple[TiledLight, Daylight]:
+        self, heights: np.ndarray, kept: int | None = None, stage: Stage = silent,
+        eyes: EyesOfCase | None = None,
+    ) -> tuple[TiledLight, Daylight]:  # fmt: skip
         """Light by tiles between heights [m], and the daylight of the case's period.
 
         True suns replace an adaptive sun model, whose mesh would follow one composition. `kept` and
@@ -148,7 +157,6 @@ class Layout:
         with stage("sky"):
             daylight = daylight_of(case)
             asked_of(case, daylight)  # refused before any light is traced
-
         fills = ("wall", self.clear, self.film)
         tiled = TiledFacades.of_grid(case, self.side, heights, self.segments, fills)
         with stage("light by tile") as done:
@@ -156,7 +164,10 @@ class Layout:
                 tiled.case, tiled.panes, daylight.suns, case.accuracy, ALL_EFFECTS, done, kept
             )
         groups = groups_of(tiled, case, daylight.sky["time"])
-        return TiledLight.of(tiled, self.segments * (len(heights) - 1), channels, groups), daylight
+        tiles, openings = self.segments * (len(heights) - 1), None
+        if eyes is not None:
+            openings = LitOpenings(tiled.case, tiled.panes, ALL_EFFECTS, eyes)
+        return TiledLight.of(tiled, tiles, channels, groups, openings), daylight
 
     @property
     def search(self) -> Search:
@@ -166,6 +177,12 @@ class Layout:
     def afresh(self, optimum: FacadeOptimum, stage: Stage = silent) -> Result:
         """Evaluate an optimum as a case of its own."""
         return evaluate(self.built(optimum), stage)
+
+    def glare_afresh(self, optimum: FacadeOptimum, stage: Stage = silent) -> Any:
+        """`GlareYear` of an optimum as a case of its own, at the views of the case."""
+        eyes = optimum.problem.year.eyes
+        assert eyes is not None
+        return eyes.of_case(self.built(optimum), stage)
 
     def tables(self, optimum: FacadeOptimum) -> dict[str, pd.DataFrame]:
         """Tables of an optimum by the names of their files; `optimum.json` has all of a box."""

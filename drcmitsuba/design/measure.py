@@ -16,18 +16,28 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba import metrics
+from drcmitsuba.design.facade_glare import (
+    TracedEyes,
+    Weights,
+    hard_hours,
+    smooth_hours,
+    states_of_hours,
+)
 from drcmitsuba.design.facade_groups import FacadeGroups, applied, smooth_applied
 from drcmitsuba.design.requirement import Requirement
 from drcmitsuba.metrics import smooth
 from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.transport.elements.state_illuminances import Illuminances
 
-Aim = Literal["sDA", "worst month", "standard"]
+Aim = Literal["sDA", "worst month", "standard", "glare"]
 NAMES: Mapping[Aim, str] = {
     "sDA": "sDA", "worst month": "msDA of the worst month", "standard": "margin of the standard",
+    "glare": "hours without glare",
 }  # fmt: skip
 """Names of the aims in tables and pictures."""
-COLUMNS: Mapping[Aim, str] = {"sDA": "sDA", "worst month": "worst_msDA", "standard": "margin"}
+COLUMNS: Mapping[Aim, str] = {
+    "sDA": "sDA", "worst month": "worst_msDA", "standard": "margin", "glare": "without_glare",
+}  # fmt: skip
 """Names of the aims in files."""
 SOFTEST = 50.0
 """Months, or margins, within SOFTEST / sharpness [%] of the lowest count as the worst together."""
@@ -42,7 +52,8 @@ class Score:
     """One design in numbers, hard or smooth [%].
 
     `value` is the objective, the aim less its cost; the aim is sDA, msDA of the worst month, or the
-    least margin of a level of a standard, which is 0 or more where the level is reached.
+    least margin of a level of a standard, which is 0 or more where the level is reached, or the
+    share of the hours without glare at the worst eye.
     """
 
     value: float
@@ -77,16 +88,19 @@ class RatedCandidate:
         """Objective by the hard metrics [%]."""
         return self.hard.value
 
-    def merit(self, ase_limit: float | None, area_error: float) -> tuple[float, ...]:
+    def merit(
+        self, ase_limit: float | None, area_error: float, glare_excess: float = 0.0
+    ) -> tuple[float, ...]:
         """Sort key: the largest hard objective among the candidates that hold the constraints.
 
-        These are a largest ASE [%] and an area of panes, by its deviation as a fraction. If no
-        candidate holds them, the least ASE among candidates with the required area; then the
-        highest aim, where it has to reach a value. Equal
-        candidates are ordered by the smooth objective at the highest sharpness, so that the search
-        does not stop at the edge of a plateau of the hard metric.
+        These are a largest ASE [%], an area of panes, by its deviation as a fraction, and a largest
+        share of hours with glare, by its excess [%]. If no candidate holds them, the least ASE and
+        glare among candidates with the required area; then the highest aim, where it has to reach a
+        value. Equal candidates are ordered by the smooth objective at the highest sharpness, so
+        that the search does not stop at the edge of a plateau of the hard metric.
         """
         over = 0.0 if ase_limit is None else max(self.hard.ase - ase_limit - ASE_TOLERANCE, 0.0)
+        over += glare_excess
         return -area_error, -over, *self.hard.rank, self.sharpness, self.smooth.value
 
 
@@ -99,15 +113,19 @@ class RatedProblem:
         """Deviation of the panes' area as a fraction of the required area; 0 within tolerance."""
         return 0.0
 
+    def glare_excess(self, score: Any) -> float:
+        """Hours with glare beyond their limit [%]; 0 without one."""
+        return 0.0
+
     def is_feasible(self, score: Any) -> bool:
         """True if a hard score holds the constraints."""
         return score.holds_aim and self.holds_limits(score)
 
     def holds_limits(self, score: Any) -> bool:
-        """True if a hard score holds the constraints on ASE and on the panes' area."""
+        """True if a hard score holds the constraints on ASE, the panes' area and glare."""
         limit = self.goal.ase_limit
         holds_ase = limit is None or score.ase <= limit + ASE_TOLERANCE
-        return holds_ase and self.area_error(score) == 0
+        return holds_ase and self.area_error(score) == 0 == self.glare_excess(score)
 
     def holds(self, candidate: Any) -> bool:
         """True if the candidate's hard numbers hold the constraints."""
@@ -115,7 +133,8 @@ class RatedProblem:
 
     def merit(self, candidate: Any) -> tuple[float, ...]:
         """Sort key of candidates; see `RatedCandidate.merit`."""
-        return candidate.merit(self.goal.ase_limit, self.area_error(candidate.hard))
+        hard = candidate.hard
+        return candidate.merit(self.goal.ase_limit, self.area_error(hard), self.glare_excess(hard))
 
     def numbers(self, candidate: Any) -> dict[str, float]:
         """Columns of the history: hard and smooth numbers [%]."""
@@ -135,7 +154,7 @@ class RatedProblem:
 class Measure:
     """Rules by which illuminances are rated, and the month 1 … 12 of each time stamp (time,).
 
-    The aim "standard" is that of a `requirement`.
+    The aim "standard" is that of a `requirement`, the aim "glare" of the hours with glare.
     """
 
     rules: Rules
@@ -145,21 +164,28 @@ class Measure:
     """Groups of panes that close one by one; None where one shade closes."""
     requirement: Requirement | None = None
 
-    def smooth(self, E: Illuminances, sharpness: float) -> tuple[mi.Float, mi.Float]:
-        """Rate illuminances by the smooth twins: aim and ASE [%], with gradients."""
+    def smooth(
+        self, E: Illuminances, sharpness: float, glare: mi.Float | None = None
+    ) -> tuple[mi.Float, mi.Float]:
+        """Rate illuminances by the smooth twins: aim and ASE [%], with gradients.
+
+        `glare` are the hours with glare at the worst eye [%], from `glare_smooth`.
+        """
         t, k, step = self.rules.metrics, sharpness, self.rules.step_hours
         ase = smooth.ase(E.direct, t.ase_threshold, t.ase_hours, step, sharpness=k)
         if self.requirement is not None:
             margins = dr.concat(self.requirement.smooth(E, k))
             return _soft_minimum(100 * margins, k / SOFTEST), ase
+        if self.aim == "glare" and glare is not None:
+            return 100 - glare, ase
         total = smooth_applied(E, self.rules, self.groups, k)
         if self.aim == "sDA":
             return smooth.sda(total, t.sda_threshold, t.sda_fraction, sharpness=k), ase
         months = smooth.msda(total, self.months, t.sda_threshold, t.sda_fraction, sharpness=k)
         return _soft_minimum(months.array, k / SOFTEST), ase
 
-    def hard(self, E: Illuminances) -> tuple[float, float]:
-        """Rate illuminances by `metrics`: aim and ASE [%]."""
+    def hard(self, E: Illuminances, glare: float | None = None) -> tuple[float, float]:
+        """Rate illuminances by `metrics`: aim and ASE [%]; `glare` as for `smooth`."""
         rules, t = self.rules, self.rules.metrics
         direct_sun = _dated(E.direct.numpy(), self.months)
         ase = metrics.ase(direct_sun, t.ase_threshold, t.ase_hours, rules.step_hours)
@@ -167,10 +193,29 @@ class Measure:
             outcome, margins = self.requirement.hard(E)
             least = 100 * float(margins.min())
             return (max(least, 0.0) if outcome.reached else min(least, -SHORT)), ase
+        if self.aim == "glare" and glare is not None:
+            return 100 - glare, ase
         total = _dated(applied(E, direct_sun, rules, self.groups), self.months)
         if self.aim == "sDA":
             return metrics.sda(total, t.sda_threshold, t.sda_fraction), ase
         return float(np.nanmin(metrics.msda(total, t.sda_threshold, t.sda_fraction))), ase
+
+    def glare_smooth(
+        self, eyes: TracedEyes, weights: Weights, E: Illuminances, sharpness: float
+    ) -> mi.Float:
+        """Hours with glare at the worst eye [%], smooth, by shares and factors of elements."""
+        of_views = smooth_hours(eyes, weights, E, self.rules, self.groups, sharpness)
+        return -_soft_minimum(-of_views.array, sharpness / SOFTEST)
+
+    def glare_hard(self, eyes: TracedEyes, weights: Weights, E: Illuminances) -> float:
+        """Hours with glare at the worst eye [%]."""
+        direct = _dated(E.direct.numpy(), self.months)
+        return float(hard_hours(eyes, weights, E, direct, self.rules, self.groups).max())
+
+    def states(self, E: Illuminances) -> np.ndarray:
+        """Number of the state that the façade takes in every hour, int, shape (time,)."""
+        direct = _dated(E.direct.numpy(), self.months)
+        return states_of_hours(E, direct, self.rules, self.groups)
 
 
 def _soft_minimum(values: mi.Float, beta: float) -> mi.Float:

@@ -12,7 +12,9 @@ tiles (`scene.tiled_walls`), each of which wall, clear glass and film share, as 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
+import mitsuba as mi
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -22,6 +24,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.design import Design
 from drcmitsuba.case.sun import Adaptive, TrueSun
 from drcmitsuba.design import pictures
+from drcmitsuba.design.facade_glare import EyesOfCase, LitOpenings, TraceEyes, eyes_of
 from drcmitsuba.design.facade_maps import Panes, Strips
 from drcmitsuba.design.facade_tiles import TiledLight
 from drcmitsuba.design.facade_year import FacadeYear
@@ -103,17 +106,28 @@ class ModelLayout:
         """Settings of the search."""
         return Search.of(self.design)
 
-    def year(self, stage: Stage = silent) -> FacadeYear:
-        """Openings under the daylight of the case's period; errors are those of `FacadeYear.of`."""
-        return FacadeYear.of(*self.light(stage))
+    def year(self, stage: Stage = silent, trace_eyes: TraceEyes | None = None) -> FacadeYear:
+        """Openings under the daylight of the case's period, as `Layout.year`.
 
-    def light(self, stage: Stage = silent) -> tuple[TiledLight, Daylight]:
+        Errors are those of `FacadeYear.of` and `eyes_of`.
+        """
+        tiled, daylight = self.light(stage, eyes_of(self.case, trace_eyes))
+        return FacadeYear.of(tiled, daylight, tiled.eyes(daylight, stage))
+
+    def light(
+        self, stage: Stage = silent, eyes: EyesOfCase | None = None
+    ) -> tuple[TiledLight, Daylight]:
         """Light by tile and fill, and the daylight of the case's period."""
         with stage("sky"):
             daylight = daylight_of(self.case)
             asked_of(self.case, daylight)  # refused before any light is traced
         shared = self.openings.simulated(self.case, daylight, stage)
-        return self.openings.tiled(shared, daylight.sky["time"]), daylight
+        tiled = self.openings.tiled(shared, daylight.sky["time"])
+        if eyes is not None:
+            facades = shared.facades
+            lit = LitOpenings(facades.case, facades.panes, shared.scope, eyes)
+            tiled = replace(tiled, openings=lit)
+        return tiled, daylight
 
     def problem(self, year: FacadeYear) -> FacadeProblem:
         """Optimisation problem of a year."""
@@ -159,6 +173,16 @@ class ModelLayout:
         facades = replace(facades, drawn=(rows,), members=facades.members[:1])
         shared = replace(openings.simulated(case, light, stage), facades=facades)
         return shared.simulated(0).result()
+
+    def glare_afresh(self, optimum: FacadeOptimum, stage: Stage = silent) -> Any:
+        """`GlareYear` of an optimum at the views of the case, as `afresh`."""
+        problem, share = optimum.problem, mi.TensorXf(optimum.best.share.astype(np.float32))
+        year = problem.year
+        assert year.eyes is not None
+        if self.openings.walls is not None:
+            return year.eyes.of_case(self.built(optimum), stage)
+        E, (shares, _) = year.illuminance(share), year.weights(share)
+        return year.eyes.in_states(shares, problem.measure.states(E), stage)
 
     def built(self, optimum: FacadeOptimum) -> Case:
         """Case of an optimum whose new windows are drawn into the walls."""

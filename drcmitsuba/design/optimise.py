@@ -30,7 +30,12 @@ from scipy.optimize import minimize
 
 from drcmitsuba.case.design import Design
 from drcmitsuba.design.area_search import FacadeHistory, lower_area
-from drcmitsuba.design.constraints import aim_constraint, area_constraints, ase_constraint
+from drcmitsuba.design.constraints import (
+    aim_constraint,
+    area_constraints,
+    ase_constraint,
+    glare_constraint,
+)
 from drcmitsuba.design.problem import FacadeCandidate, FacadeProblem
 from drcmitsuba.design.search import History, LocalSearch, Optimum, row, run
 from drcmitsuba.runtime import storage
@@ -182,7 +187,11 @@ def nondominated(
     problem: FacadeProblem, candidates: Sequence[FacadeCandidate]
 ) -> list[FacadeCandidate]:
     """Candidates of the required area that none beats in both objective and ASE, by rising ASE."""
-    kept = [c for c in candidates if problem.area_error(c.hard) == 0 and c.hard.holds_aim]
+    kept = [
+        c
+        for c in candidates
+        if problem.area_error(c.hard) == 0 == problem.glare_excess(c.hard) and c.hard.holds_aim
+    ]
     kept.sort(key=lambda c: (c.hard.ase, -c.hard.value, -c.sharpness))
     front: list[FacadeCandidate] = []
     for candidate in kept:
@@ -201,12 +210,15 @@ def _continuation(
     """
     problem, x = history.problem, start
     if x is None:
-        x = history.best(lambda c: c.merit(ase_limit, problem.area_error(c.hard))).x
+        x = history.best(
+            lambda c: c.merit(ase_limit, problem.area_error(c.hard), problem.glare_excess(c.hard))
+        ).x
     stage = partial(_stage, history, label, search.iterations, ase_limit)
     for i, k in enumerate(search.sharpness):
         x = stage(x, k)
         last = history.steps[-1].candidate.hard
         beyond = (ase_limit is not None and last.ase > ase_limit) or not last.holds_aim
+        beyond |= problem.glare_excess(last) > 0
         if beyond and i + 1 == len(search.sharpness):
             # The stage's start shifted the limits: once more, shifted by the stage's end.
             stage(x, k)
@@ -235,6 +247,8 @@ def _stage(
     )
     if ase_limit is not None:
         constraints.append(ase_constraint(ase_limit, at, at(x)))
+    if goal.glare_limit is not None:
+        constraints.append(glare_constraint(goal.glare_limit, at, at(x)))
     if goal.least is not None and not raises_aim:
         constraints.append(aim_constraint(goal.least.aim, at, at(x)))
 

@@ -3,10 +3,10 @@
 Objective and constraints of one composition, all in per cent:
 
     maximise   A − cost · (area of the film / area of the tiles)
-    subject to ASE ≤ limit,  area of the panes given or within bounds
+    subject to ASE ≤ limit,  area of the panes given or within bounds,  hours of glare ≤ limit
 
-with A the sDA, the msDA of the worst month, or the least margin of a level of a standard, shade
-applied. Where the area is the objective:
+with A the sDA, the msDA of the worst month, the least margin of a level of a standard, or the share
+of the hours without glare at the worst eye, shade applied. Where the area is the objective:
 
     maximise   −100 % · (area of the panes / area of the tiles) − cost · …
     subject to A ≥ least,  and as above
@@ -20,7 +20,7 @@ the hard numbers of `metrics`, and only these are reported.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -45,12 +45,14 @@ EQUAL = 1e-3
 class FacadeScore(Score):
     """One composition in numbers, with the areas of the film and of all panes [m²].
 
-    `margin` is how far a hard aim lies above the least one [%]; None without one.
+    `margin` is how far a hard aim lies above the least one [%]; None without one. `glare` is the
+    share of the hours with glare at the worst eye [%]; None where it is not asked for.
     """
 
     film_area: float
     window_area: float
     margin: float | None = None
+    glare: float | None = None
 
     @property
     def holds_aim(self) -> bool:
@@ -77,6 +79,8 @@ class FacadeCandidate(RatedCandidate):
         Derivatives of the smooth objective [%], the smooth ASE [%] and the panes' area [m²] by x.
     aim_gradient : np.ndarray, shape (free,), optional
         Derivatives of the smooth aim [%], where it is not the objective.
+    glare_gradient : np.ndarray, shape (free,), optional
+        Derivatives of the smooth hours with glare [%], where these are asked for.
     """
 
     smooth: FacadeScore
@@ -86,6 +90,7 @@ class FacadeCandidate(RatedCandidate):
     ase_gradient: np.ndarray
     area_gradient: np.ndarray
     aim_gradient: np.ndarray | None = None
+    glare_gradient: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -190,8 +195,11 @@ class FacadeProblem(RatedProblem):
     def illuminance(self, values: Values) -> tuple[mi.TensorXf, Illuminances]:
         """Composition (tile, material) and E (time, sensor) [lx] at values of the parameters."""
         share = self.facade.share(values)
-        scale = {f.material: values[f.parameter.key] / f.now for f in self.factors}
-        return share, self.year.illuminance(share, scale=scale or None)
+        return share, self.year.illuminance(share, scale=self._scale(values))
+
+    def _scale(self, values: Values) -> dict[str, mi.Float] | None:
+        """Factors of the light that comes in by materials whose transmittance is free."""
+        return {f.material: values[f.parameter.key] / f.now for f in self.factors} or None
 
     def evaluate(self, x: np.ndarray, sharpness: float) -> FacadeCandidate:
         """Evaluate x (free,), 0 to 1 between the bounds: scores, and gradients of the smooth ones.
@@ -200,23 +208,33 @@ class FacadeProblem(RatedProblem):
         """
         free = mi.Float(np.clip(x, 0, 1).astype(np.float32))
         dr.enable_grad(free)
-        share, E = self.illuminance(self.values(free))
+        values = self.values(free)
+        share, E = self.illuminance(values)
         window, film = self.window_area(share), self._area(share, self.goal.film)
-        aim, ase = self.measure.smooth(E, sharpness)
+        glare, seen = None, self.year.eyes
+        if seen is not None:
+            weights = self.year.weights(share, self._scale(values))
+            glare = self.measure.glare_smooth(seen, weights, E, sharpness)
+        aim, ase = self.measure.smooth(E, sharpness, glare)
         value = self._value(aim, film, window)
         numbers = [float(v[0]) for v in (value, aim, ase, film, window)]
-        outputs = (value, ase, window) if self.goal.least is None else (value, ase, window, aim)
-        slopes = gradients(free, outputs)
-        hard = self._hard(E, film=numbers[3], window=numbers[4])
-        smooth = FacadeScore(*numbers)
-        return FacadeCandidate(np.array(x, float), sharpness, smooth, hard, share.numpy(), *slopes)
+        outputs = {"gradient": value, "ase_gradient": ase, "area_gradient": window}
+        if self.goal.least is not None:
+            outputs["aim_gradient"] = aim
+        if glare is not None:
+            outputs["glare_gradient"] = glare
+        slopes = dict(zip(outputs, gradients(free, [*outputs.values()]), strict=True))
+        hard = self._hard(share, E, numbers[3], numbers[4], self._scale(values))
+        shown = None if glare is None else float(glare[0])
+        smooth = replace(FacadeScore(*numbers), glare=shown)
+        return FacadeCandidate(np.array(x, float), sharpness, smooth, hard, share.numpy(), **slopes)
 
     def hard(self, share: np.ndarray) -> FacadeScore:
         """Rate any composition (tile, material) by hard numbers, such as a named variant."""
         composition = mi.TensorXf(np.asarray(share, np.float32))
         film, window = self._area(composition, self.goal.film), self.window_area(composition)
         E = self.year.illuminance(composition)
-        return self._hard(E, float(film[0]), float(window[0]))
+        return self._hard(composition, E, float(film[0]), float(window[0]))
 
     def area_error(self, score: Any) -> float:
         """Deviation of a score's `window_area` as a fraction; 0 within `AREA_TOLERANCE`."""
@@ -226,11 +244,18 @@ class FacadeProblem(RatedProblem):
         error = max(low - score.window_area, score.window_area - high, 0.0) / max(high, 1e-9)
         return error if error > AREA_TOLERANCE else 0.0
 
+    def glare_excess(self, score: Any) -> float:
+        """Hours with glare beyond their limit [%]; 0 without one."""
+        limit = self.goal.glare_limit
+        return 0.0 if limit is None else max(score.glare - limit, 0.0)
+
     def numbers(self, candidate: FacadeCandidate) -> dict[str, float]:
         """Columns of the history: scores [%] and areas [m²]."""
-        hard = candidate.hard
-        areas = {"film_m2": hard.film_area, "window_m2": hard.window_area}
-        return super().numbers(candidate) | areas
+        hard, smooth = candidate.hard, candidate.smooth
+        columns = {"film_m2": hard.film_area, "window_m2": hard.window_area}
+        if hard.glare is not None and smooth.glare is not None:
+            columns |= {"glare": hard.glare, "smooth_glare": smooth.glare}
+        return super().numbers(candidate) | columns
 
     def details(self, candidate: FacadeCandidate) -> dict[str, Any]:
         """Further entries of `optimum.json`: the composition of every tile by material."""
@@ -245,11 +270,17 @@ class FacadeProblem(RatedProblem):
         goal, year = self.goal, self.year
         return Measure(goal.rules, goal.aim, year.months, year.groups, goal.requirement)
 
-    def _hard(self, E: Illuminances, film: float, window: float) -> FacadeScore:
-        """Hard score of illuminances E with areas of film and panes [m²]."""
-        aim, ase = self.measure.hard(E)
+    def _hard(
+        self, share: mi.TensorXf, E: Illuminances, film: float, window: float,
+        scale: dict[str, mi.Float] | None = None,
+    ) -> FacadeScore:  # fmt: skip
+        """Hard score of a composition with illuminances E and areas of film and panes [m²]."""
+        glare, seen = None, self.year.eyes
+        if seen is not None:
+            glare = self.measure.glare_hard(seen, self.year.weights(share, scale), E)
+        aim, ase = self.measure.hard(E, glare)
         value = self._value(aim, film, window)
-        return FacadeScore(value, aim, ase, film, window, self.goal.margin(aim))
+        return FacadeScore(value, aim, ase, film, window, self.goal.margin(aim), glare)
 
     def _value(self, aim: Any, film: Any, window: Any) -> Any:
         """Objective [%] of an aim [%] and areas of film and panes [m²]."""

@@ -28,6 +28,7 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.grazing import more_at_grazing
 
+from drcmitsuba.glare_year.openings import NO_OPENING, SeenOpenings
 from drcmitsuba.model.materials import (
     BsdfMaterial,
     DielectricMaterial,
@@ -70,6 +71,10 @@ class Ends(NamedTuple):
     """Index of the scene's part, −1 for the outside, int, shape (end,)."""
     path: np.ndarray
     """How the ray came here, from `STRAIGHT` to `SCATTERED`, int, shape (end,)."""
+    opening: np.ndarray
+    """Opening that the ray met first, `NO_OPENING` for none, int, shape (end,)."""
+    again: np.ndarray
+    """Whether it met another opening afterwards, bool, shape (end,)."""
 
     def take(self, which: np.ndarray) -> Ends:
         """Some of the ends."""
@@ -87,6 +92,8 @@ class _ChainRays:
     path: np.ndarray
     in_pane: np.ndarray
     """Whether a pane has mirrored the ray: what surfaces send along it is left out."""
+    opening: np.ndarray
+    again: np.ndarray
 
     def take(self, which: np.ndarray) -> _ChainRays:
         return _ChainRays(*(column[which] for column in _columns(self)))
@@ -95,7 +102,8 @@ class _ChainRays:
         """Ends here; `weight` (…) or (channel,) is the share of each end's light."""
         w = np.multiply.outer(self.weight, weight)
         n = np.zeros_like(self.d) if normals is None else normals
-        return Ends(self.ray, w, self.p, self.d, n, np.full(len(self.ray), part), self.path)
+        at = np.full(len(self.ray), part)
+        return Ends(self.ray, w, self.p, self.d, n, at, self.path, self.opening, self.again)
 
 
 @dataclass(frozen=True)
@@ -107,10 +115,13 @@ class Chains:
     scene : Scene
     channels : tuple of int
         Colour channels of reflectances, as of `scene.channels_of`.
+    openings : SeenOpenings, optional
+        Openings that rays note; by default none.
     """
 
     scene: Scene
     channels: tuple[int, ...] = (-1,)
+    openings: SeenOpenings | None = None
 
     def ends(self, points: np.ndarray, directions: np.ndarray) -> tuple[Ends, Ends, Ends]:
         """Follow rays.
@@ -128,7 +139,10 @@ class Chains:
         count = len(points)
         straight = np.full(count, STRAIGHT)
         clean = np.zeros(count, bool)
-        on = _ChainRays(np.arange(count), np.ones(count), points, directions, straight, clean)
+        none = np.full(count, NO_OPENING)
+        on = _ChainRays(
+            np.arange(count), np.ones(count), points, directions, straight, clean, none, clean
+        )
         for depth in range(MOST_SURFACES):
             on = self._step(on, every, depth)
             if not len(on.ray):
@@ -141,6 +155,10 @@ class Chains:
         self.scene.ray_counter.take("path", len(on.ray))
         si = self.scene.full.ray_intersect(ray, mi.RayFlags.Minimal, coherent=False)
         hit = si.is_valid()
+        if self.openings is not None:
+            far = np.where(hit.numpy(), si.t.numpy().astype(float), np.inf)
+            opening, again = self.openings.both(on.p, on.d, far, on.opening)
+            on = replace(on, opening=opening, again=on.again | again)
         si.sh_frame = mi.Frame3f(si.n)
         si.wi = si.to_local(-ray.d)
         pointer = si.bsdf()
@@ -275,7 +293,9 @@ def _matt(material: MirrorMaterial, n: np.ndarray, d: np.ndarray) -> np.ndarray:
 
 
 def _columns(rays: _ChainRays) -> tuple[np.ndarray, ...]:
-    return rays.ray, rays.weight, rays.p, rays.d, rays.path, rays.in_pane
+    return (
+        rays.ray, rays.weight, rays.p, rays.d, rays.path, rays.in_pane, rays.opening, rays.again
+    )  # fmt: skip
 
 
 def _points(p: np.ndarray) -> mi.Point3f:
@@ -291,6 +311,6 @@ def _joined(parts: list[Ends]) -> Ends:
     if not parts:
         none = np.zeros(0, int)
         p, d, n = np.zeros((3, 0, 3))
-        return Ends(none, np.zeros(0), p, d, n, none, none)
+        return Ends(none, np.zeros(0), p, d, n, none, none, none, np.zeros(0, bool))
     joined = Ends(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
     return joined.take(np.argsort(joined.ray, kind="stable"))

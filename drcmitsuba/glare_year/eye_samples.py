@@ -85,7 +85,7 @@ def sources_seen(
     deviations = np.zeros((case.accuracy.replicates, times, views), np.float32)
     with run.timed(f"what is seen, {state}") as done:
         judged = 0
-        for place in places(case, state, light, looking, run):
+        for place in places(case, state, light, looking, run, rule.least):
             here = place.sums(looking, rule, np.arange(times))
             sums[:, place.views], sharp[:, place.views] = here
             deviations[:, :, place.views] = place.deviations(looking, rule)

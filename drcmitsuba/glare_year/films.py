@@ -16,6 +16,7 @@ Limits: light that reaches the film by way of other surfaces is left out.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -56,6 +57,12 @@ class FilmGlow:
     sharpness: np.ndarray
     """Solid angle of the outgoing cell over that of the sun's disk, where f has a peak; elsewhere
     0 [–], shape (end, sun)."""
+
+    @classmethod
+    def joined(cls, parts: Sequence[FilmGlow]) -> FilmGlow:
+        """Glow of the ends of several traces."""
+        names = cls.__dataclass_fields__
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
 def glow(

@@ -17,64 +17,53 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drcmitsuba.glare_year.seen import Luminances
+from drcmitsuba.glare_year.seen import Seen, sparse
 from drcmitsuba.picture.position_index import position_index
 
 DIM = 1000.0
 """Luminance up to which the noise of a surface is left out [cd/m²]: half of the threshold."""
-POINTS = 128
-"""Number of points whose luminances by each replicate are in memory at once."""
 
 
 @dataclass(frozen=True, eq=False)
 class LuminanceNoise:
-    """Deviations of luminances above `DIM` from their mean, by each replicate of C."""
+    """Deviations of bright luminances from their mean, by each replicate of C."""
 
     point: np.ndarray
     """Surface point of every bright luminance, int, shape (bright,)."""
     time: np.ndarray
     """Its time stamp, int, shape (bright,)."""
+    luminance: np.ndarray
+    """Mean luminance [cd/m²], float32, shape (bright,)."""
     deviation: np.ndarray
     """Luminance by each replicate, less the mean [cd/m²], float32, shape (replicate, bright)."""
 
-    @classmethod
-    def joined(cls, parts: list[LuminanceNoise], replicates: int) -> LuminanceNoise:
-        """Noise of several sets of points, which may be none."""
-        nothing = np.zeros(0, int)
-        every = [cls(nothing, nothing, np.zeros((replicates, 0), np.float32)), *parts]
-        return cls(
-            np.concatenate([part.point for part in every]),
-            np.concatenate([part.time for part in every]),
-            np.concatenate([part.deviation for part in every], axis=1),
-        )
-
-    def of_points(self, some: slice) -> LuminanceNoise:
-        """Noise of some of the points, which are numbered anew."""
-        mine = (self.point >= some.start) & (self.point < some.stop)
-        return LuminanceNoise(
-            self.point[mine] - some.start, self.time[mine], self.deviation[:, mine]
-        )
-
-    def of_sums(self, known: Luminances, frames: np.ndarray, least: float) -> np.ndarray:
+    def of_sums(
+        self, seen: Seen, shares: np.ndarray, frames: np.ndarray, least: float
+    ) -> np.ndarray:
         """Deviations of Σ L² ω / P² of some views by each replicate, (replicate, time, view).
 
         Parameters
         ----------
-        known : Luminances
-            Luminances that the deviations belong to.
+        seen : Seen
+            View whose surfaces these are.
+        shares : np.ndarray, shape (time, element + 1)
+            Shares of elements by which surfaces are seen, as of `Luminances`.
         frames : np.ndarray, shape (view, 3, 3)
             Unit vectors to the right, up and forward of the views.
         least : float
             Luminance above which a pixel is bright [cd/m²].
         """
-        pixel, times = known.seen.surfaces.pixel, known.surfaces.shape[1]
-        local = np.einsum("pi,vki->vpk", known.seen.directions[pixel], frames)
-        weights = 2 * known.seen.tiles.by_pixel[pixel] / position_index(local) ** 2
-        L = known.surfaces[self.point, self.time]
-        bright = np.where(least < L, L, 0)
-        slopes = (weights * (local[..., 2] > 0))[:, self.point] * bright
+        times = len(shares)
+        local = np.einsum("pi,vki->vpk", seen.directions, frames)
+        weights = 2 * seen.tiles.by_pixel / position_index(local) ** 2 * (local[..., 2] > 0)
+        of_points = np.asarray((seen.showing.T @ weights.T).T)
+        share = shares[self.time, seen.surfaces.element[self.point]]
+        counts = np.flatnonzero((least < self.luminance) & (share > 0))
+        time, point = self.time[counts], self.point[counts]
+        bright, deviation = (share * self.luminance)[counts], self.deviation[:, counts].T.copy()
         out = np.zeros((len(self.deviation), times, len(frames)))
-        for r, deviation in enumerate(self.deviation):
-            for v, slope in enumerate(slopes):
-                out[r, :, v] = np.bincount(self.time, slope * deviation, times)
+        for v, slope in enumerate(of_points[:, point] * bright):
+            place = time, np.arange(len(counts))
+            sums = sparse.csr_array((slope.astype(np.float32), place), (times, len(counts)))
+            out[..., v] = (sums @ deviation).T
         return out

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -19,8 +19,8 @@ from drcmitsuba.annual.adaptive_sampling import of_hours
 from drcmitsuba.annual.run import Run
 from drcmitsuba.case.accuracy import AT_SENSORS, Target
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.groups import State
-from drcmitsuba.glare_year.eye_samples import EyeSamples, sources_seen
+from drcmitsuba.case.groups import APPLIED, State
+from drcmitsuba.glare_year.eye_samples import EyeSamples, by_hour, sources_seen
 from drcmitsuba.glare_year.eyes import Eyes
 from drcmitsuba.glare_year.result import GlareYear
 from drcmitsuba.glare_year.rule import Rule
@@ -47,44 +47,98 @@ Judge = Callable[[list[EyeSamples]], IntervalLook]
 """Function that looks at the samples of all states."""
 
 
-@dataclass(frozen=True, eq=False)
-class Sampler:
+class Sampler(Protocol):
     """Simulation of the eyes of a case in several states of its façade."""
 
-    case: Case
-    states: tuple[State, ...]
-    light: Daylight
-    looking: Eyes
-    rule: Rule
-    run: Run
+    @property
+    def case(self) -> Case:
+        """Case whose eyes these are."""
+
+    @property
+    def run(self) -> Run:
+        """Run that times the stages."""
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        """Names of all states, `applied` last."""
+
+    def traced(self) -> list[State]:
+        """States that are traced, for the forecast."""
 
     def first(self) -> list[EyeSamples]:
         """Simulate the first round, of all hours and eyes."""
-        case, light, looking, run = self.case, self.light, self.looking, self.run
-        E = [at_eyes(case, state, light, looking, run) for state in self.states]
-        seen = [sources_seen(case, state, light, looking, self.rule, run) for state in self.states]
-        rounds = np.ones(E[0].shape[1:], int)
-        return [EyeSamples(e, **s, rounds=rounds) for e, s in zip(E, seen, strict=True)]
 
     def more(
         self, samples: list[EyeSamples], wanting: np.ndarray, number: int, with_sources: bool
     ) -> list[EyeSamples]:
-        """Average a further round into the samples of all states.
+        """Average a further round into the samples.
 
         Parameters
         ----------
-        samples : list of EyeSamples, one for each state
+        samples : list of EyeSamples
         wanting : np.ndarray of bool, shape (state, time, view)
-            Entries that need it; of a state, all hours of all its eyes are simulated.
+            Entries of all states that need it; others of their hours and eyes may get it, too.
         number : int
             Number of rounds before it, which gives its seed.
         with_sources : bool
             Whether it has the luminances, too.
         """
+
+    def notes(self) -> tuple[str, ...]:
+        """Notes on what was simulated."""
+
+
+@dataclass(frozen=True, eq=False)
+class StateSampler:
+    """Simulation of states one by one; `applied` has of each hour those of its state."""
+
+    case: Case
+    light: Daylight
+    looking: Eyes
+    rule: Rule
+    run: Run
+    simulated: tuple[State, ...]
+    index: np.ndarray | None = None
+    """State of each time stamp in `applied`, int, shape (time,); None without it."""
+    remarks: tuple[str, ...] = ()
+    """Notes on what is left out."""
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        """Names of all states, `applied` last."""
+        return self.simulated if self.index is None else (*self.simulated, APPLIED)
+
+    def traced(self) -> list[State]:
+        """States that are traced, for the forecast."""
+        return [*self.simulated]
+
+    def notes(self) -> tuple[str, ...]:
+        """Notes on what was simulated."""
+        return self.remarks
+
+    def first(self) -> list[EyeSamples]:
+        """Simulate the first round, of all hours and eyes."""
+        case, light, looking, run = self.case, self.light, self.looking, self.run
+        E = [at_eyes(case, state, light, looking, run) for state in self.simulated]
+        seen = [
+            sources_seen(case, state, light, looking, self.rule, run) for state in self.simulated
+        ]
+        rounds = np.ones(E[0].shape[1:], int)
+        every = zip(E, seen, strict=True)
+        return self._with_applied([EyeSamples(e, **s, rounds=rounds) for e, s in every])
+
+    def more(
+        self, samples: list[EyeSamples], wanting: np.ndarray, number: int, with_sources: bool
+    ) -> list[EyeSamples]:
+        """Average a further round into the samples of all states; see `Sampler`."""
+        if self.index is not None:
+            *states, applied = wanting
+            wanting = np.stack(states)
+            wanting[self.index, np.arange(len(self.index))] |= applied
         seed = case_seed(self.case.accuracy.seed, Stream.ROUNDS, number)
         run = replace(self.run, seed=seed, shared=None, stage=silent, seconds={})
-        out = list(samples)
-        for k, (state, wanted) in enumerate(zip(self.states, wanting, strict=True)):
+        out = samples[: len(self.simulated)]
+        for k, (state, wanted) in enumerate(zip(self.simulated, wanting, strict=True)):
             hours, views = (np.flatnonzero(wanted.any(axis=axis)) for axis in (1, 0))
             if not len(hours):
                 continue
@@ -93,7 +147,11 @@ class Sampler:
             if with_sources:
                 round_ |= sources_seen(self.case, state, light, looking, self.rule, run)
             out[k] = samples[k].averaged(round_, hours, views)
-        return out
+        return self._with_applied(out)
+
+    def _with_applied(self, samples: list[EyeSamples]) -> list[EyeSamples]:
+        """Samples of the states one by one, and of `applied`."""
+        return samples if self.index is None else [*samples, by_hour(samples, self.index)]
 
 
 def of_illuminance(samples: list[EyeSamples], target: Target) -> IntervalLook:
@@ -105,23 +163,10 @@ def of_illuminance(samples: list[EyeSamples], target: Target) -> IntervalLook:
     return IntervalLook(float(widths.max()), hours & (widths > target.value)[:, None])
 
 
-def of_glare(year: GlareYear, target: Target, index: np.ndarray | None) -> IntervalLook:
-    """Look at the shares of hours whose DGP is above a limit.
-
-    Parameters
-    ----------
-    year : GlareYear
-        Its last state is `applied` where there is an index.
-    target : Target
-    index : np.ndarray of int, shape (time,), optional
-        State of each time stamp in `applied`.
-    """
+def of_glare(year: GlareYear, target: Target) -> IntervalLook:
+    """Look at the shares of hours whose DGP is above a limit."""
     widths = year.half_widths()
     wanting = year.in_doubt & (widths > target.value)[:, None]
-    if index is not None:
-        *states, applied = wanting
-        wanting = np.stack(states)
-        wanting[index, np.arange(len(index))] |= applied
     return IntervalLook(float(widths.max()), wanting)
 
 

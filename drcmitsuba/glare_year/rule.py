@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drcmitsuba.picture.glare import EVALGLARE, DgpConstants
+from drcmitsuba.picture.glare import EVALGLARE, LARGEST_FACTOR, DgpConstants
 from drcmitsuba.runtime.errors import InputError
 
 
@@ -40,6 +40,11 @@ class Rule:
                 raise InputError("glare", name, got, "give a number above 0")
         if not self.opening <= 1:
             raise InputError("glare", "opening", f"{self.opening}", "give at most 1 rad")
+
+    @property
+    def least(self) -> float:
+        """Luminance below which nothing is bright, whatever the mean [cd/m²]."""
+        return self.threshold if self.threshold > LARGEST_FACTOR else 0.0
 
     def dgp(self, illuminance: np.ndarray, sums: np.ndarray) -> np.ndarray:
         """DGP from E_v [lx] and Σ L² ω / P², which broadcast."""

@@ -1,9 +1,9 @@
-"""View from one place: luminances of its pixels in every hour, and images of the suns."""
+"""View from one place: what its pixels show by every opening and fill, and images of the suns."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mitsuba as mi
@@ -12,13 +12,15 @@ from drcmitsuba_plugins.patches import Patches, patch_index
 
 from drcmitsuba.glare_year.chains import TURNED, Chains, Ends
 from drcmitsuba.glare_year.films import FilmGlow, glow
-from drcmitsuba.glare_year.pixels import merged, rays
+from drcmitsuba.glare_year.openings import SeenOpenings
+from drcmitsuba.glare_year.pixels import EyeRays, merged, rays
 from drcmitsuba.glare_year.suns import Images, images
 from drcmitsuba.glare_year.tiles import EyeTiles
 from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.schema import channel_weights
+from drcmitsuba.transport.elements.weights import BESIDES
 
 sparse = lazy.module("scipy.sparse")
 
@@ -32,26 +34,31 @@ LIFT = 1e-3
 class SeenSurfaces:
     """Points of diffuse surfaces that are seen; their luminance is the weighted illuminance."""
 
-    pixel: np.ndarray
-    """Pixel of every point, int, shape (point,)."""
     points: np.ndarray
     """Places, off their surface [m], shape (point, 3)."""
     normals: np.ndarray
     """Unit normals, shape (point, 3)."""
     weight: np.ndarray
     """Luminance over illuminance [1/sr], shape (point, channel)."""
+    element: np.ndarray
+    """Element by which each point is seen, or `BESIDES`, int, shape (point,)."""
+    ray: np.ndarray
+    """Number of the ray that met each point: what one ray met in one trace is seen together, and
+    its points follow one another, int, shape (point,)."""
 
     @classmethod
-    def joined(cls, parts: list[SeenSurfaces]) -> SeenSurfaces:
-        """Points of several places; their pixels remain those of each place."""
-        columns = ("pixel", "points", "normals", "weight")
-        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in columns))
+    def joined(cls, parts: Sequence[SeenSurfaces]) -> SeenSurfaces:
+        """Points of several places or traces, whose rays are told apart."""
+        first = np.cumsum([0, *(part.ray.max(initial=-1) + 1 for part in parts)])
+        apart = [
+            replace(part, ray=part.ray + start) for part, start in zip(parts, first, strict=False)
+        ]
+        names = cls.__dataclass_fields__
+        return cls(*(np.concatenate([getattr(part, name) for part in apart]) for name in names))
 
     def take(self, some: slice | np.ndarray) -> SeenSurfaces:
         """Some of the points."""
-        return SeenSurfaces(
-            self.pixel[some], self.points[some], self.normals[some], self.weight[some]
-        )
+        return SeenSurfaces(*(getattr(self, name)[some] for name in self.__dataclass_fields__))
 
     def luminance(self, E: np.ndarray) -> np.ndarray:
         """Luminance of the points [cd/m²], (point, time), by E (channel, point, time) [lx]."""
@@ -62,31 +69,132 @@ class SeenSurfaces:
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """View from one place, without the illuminance of the surfaces in it."""
+    """View from one place, without the illuminance of the surfaces in it.
+
+    An element is an opening with one of its fills; what is seen by none is `BESIDES`. Everything
+    that is seen counts with the share that its element takes of its opening.
+    """
 
     tiles: EyeTiles
     directions: np.ndarray
     """Unit vectors to the pixels, shape (pixel, 3)."""
-    sky: Any
-    """Luminance per unit luminance of ground and sky patches, csr array (pixel, bin) [–]."""
+    sky: Mapping[int, Any]
+    """Luminance per unit luminance of ground and sky patches, by element, csr array (pixel, bin)
+    [–]."""
     surfaces: SeenSurfaces
+    showing: Any
+    """1 where a pixel shows a surface point, csr array (pixel, point)."""
     films: np.ndarray
     """Pixels of the rows of `glow`, int, shape (end,)."""
+    by_films: np.ndarray
+    """Element of each of these rows, int, shape (end,)."""
     glow: FilmGlow
     images: Images
+    by_images: np.ndarray
+    """Element of every image, int, shape (image,)."""
+    starts: tuple[int, ...]
+    """First element of every opening, and last the number of all."""
+    again: float
+    """Sum of the weights of ends beyond two openings, over the number of rays [–]."""
+
+    def of_tiles(self, kept: np.ndarray) -> Seen:
+        """View of some tiles, bool (tile,)."""
+        tiles, pixels = self.tiles.take(kept)
+        number = np.full(len(self.directions), -1)
+        number[pixels] = np.arange(len(pixels))
+        films = number[self.films] >= 0
+        glow = FilmGlow(*(getattr(self.glow, n)[films] for n in FilmGlow.__dataclass_fields__))
+        return replace(
+            self, tiles=tiles, directions=self.directions[pixels],
+            sky={element: part[pixels] for element, part in self.sky.items()},
+            showing=self.showing[pixels], films=number[self.films[films]],
+            by_films=self.by_films[films], glow=glow,
+        )  # fmt: skip
+
+    def of_points(self, kept: np.ndarray) -> Seen:
+        """View of some of the surface points, by their indices (point,)."""
+        showing = self.showing[:, kept].tocsr()
+        return replace(self, surfaces=self.surfaces.take(kept), showing=showing)
+
+
+@dataclass(frozen=True, eq=False)
+class _Trace:
+    """What the rays of an eye meet with one fill in all openings."""
+
+    scene: Scene
+    chains: Chains
+    elements: np.ndarray
+    """Element of every opening, and `BESIDES` last, int, shape (opening + 1,)."""
+    outside: Ends
+    films: Ends
+    surfaces: Ends
+
+    @classmethod
+    def of(
+        cls, scene: Scene, channels: tuple[int, ...], openings: SeenOpenings | None, fill: int,
+        place: np.ndarray, directions: np.ndarray,
+    ) -> _Trace:  # fmt: skip
+        """Trace rays with one fill; further fills tell nothing new of what is seen by none."""
+        chains = Chains(scene, channels, openings)
+        elements = np.array([BESIDES]) if openings is None else openings.elements(fill)
+        every = chains.ends(np.broadcast_to(place, directions.shape), directions)
+        trace = cls(scene, chains, elements, *every)
+        kept = (ends.take(trace.counts(ends.opening, fill)) for ends in every)
+        return cls(scene, chains, elements, *kept)
+
+    def counts(self, opening: np.ndarray, fill: int) -> np.ndarray:
+        """Whether ends that are seen by an opening count in the trace of a fill, bool."""
+        element = self.elements[opening]
+        return (element >= 0) | (element == BESIDES if fill == 0 else False)
+
+    def alone(self, count: int) -> np.ndarray:
+        """Whether rays may stand for others of their tile, as they show surfaces, bool (ray,)."""
+        out = np.ones(count, bool)
+        out[self.outside.ray[self.outside.weight > FAINT]] = out[self.films.ray] = False
+        return out
+
+    def surfaces_of(
+        self, sent: EyeRays, kept: np.ndarray, channels: int
+    ) -> tuple[SeenSurfaces, Any]:
+        """Points of surfaces, one for the rays of a tile that meet the same; `Seen.showing`.
+
+        `kept` (pixel,) are the rays of the pixels.
+        """
+        count = len(sent.directions)
+        key = np.where(self.alone(count), _keys([self.surfaces], count), -1)
+        standing = merged(sent.tile, key, sent.directions)[kept]
+        is_met = np.zeros(count, bool)
+        is_met[standing] = True
+        ends = self.surfaces.take(is_met[self.surfaces.ray])
+        points, pixels = len(ends.ray), len(kept)
+        rows = _ones(ends.ray, np.arange(points), (count, points))
+        showing = _ones(np.arange(pixels), standing, (pixels, count))
+        weight = ends.weight.reshape(-1, channels) / np.pi
+        return SeenSurfaces(
+            ends.point + LIFT * ends.normal, ends.normal, weight, self.elements[ends.opening],
+            ends.ray,
+        ), showing @ rows  # fmt: skip
+
+    def outside_of(self, kept: np.ndarray) -> _Trace:
+        """Ends outside of the rays of pixels alone."""
+        return replace(self, outside=self.outside.take(np.isin(self.outside.ray, kept)))
 
 
 def seen(
-    scene: Scene, channels: tuple[int, ...], place: np.ndarray, forward: np.ndarray,
-    suns: np.ndarray, diameter: float, subdivision: int, seed: int,
+    scenes: Sequence[Scene], channels: tuple[int, ...], openings: SeenOpenings | None,
+    place: np.ndarray, forward: np.ndarray, suns: np.ndarray, diameter: float, subdivision: int,
+    seed: int,
 ) -> Seen:  # fmt: skip
     """Trace what is seen from a place.
 
     Parameters
     ----------
-    scene : Scene
+    scenes : sequence of Scene
+        Scene with the first fill in every opening, with the second one, and so on.
     channels : tuple of int
         Colour channels of the case.
+    openings : SeenOpenings, optional
+        Openings; without them there is one scene.
     place : np.ndarray, shape (3,)
         Place of the eye [m].
     forward : np.ndarray, shape (view, 3)
@@ -100,84 +208,77 @@ def seen(
     seed : int
     """
     sent = rays(forward)
-    chains = Chains(scene, channels)
     count = len(sent.directions)
-    outside, films, surfaces = chains.ends(np.broadcast_to(place, (count, 3)), sent.directions)
-    alone = np.ones(count, bool)
-    alone[outside.ray[outside.weight > FAINT]] = alone[films.ray] = False
-    ray = merged(sent.tile, np.where(alone, _keys(surfaces, count), -1), sent.directions)
+    traces = [
+        _Trace.of(scene, channels, openings, fill, place, sent.directions)
+        for fill, scene in enumerate(scenes)
+    ]
+    alone = np.all([t.alone(count) for t in traces], axis=0)
+    key = np.where(alone, _keys([t.surfaces for t in traces], count), -1)
+    ray = merged(sent.tile, key, sent.directions)
     kept, pixel = np.unique(ray, return_inverse=True)
-    surfaces, outside = (ends.take(np.isin(ends.ray, kept)) for ends in (surfaces, outside))
+    again = sum(_again(ends) for t in traces for ends in (t.outside, t.films, t.surfaces))
     at = np.searchsorted(kept, np.arange(count)).clip(max=len(kept) - 1)
     first = np.flatnonzero(np.r_[True, np.diff(sent.tile) > 0, True])
-    mirroring = np.unique(sent.tile[outside.ray[outside.path == TURNED]])
     tiles = EyeTiles(first, sent.directions, pixel.ravel(), sent.solid_angle, forward)
+    surfaces = [t.surfaces_of(sent, kept, len(channels)) for t in traces]
+    traces = [t.outside_of(kept) for t in traces]
+    glows = [glow(t.scene, t.films, suns, diameter, subdivision, seed) for t in traces]
+    shown = []
+    for fill, t in enumerate(traces):
+        mirroring = np.unique(sent.tile[t.outside.ray[t.outside.path == TURNED]])
+        own = images(t.chains, place, mirroring, suns, diameter, seed)
+        shown.append(own.take(t.counts(own.opening, fill)))
+    by_images = [t.elements[own.opening] for t, own in zip(traces, shown, strict=True)]
     return Seen(
-        tiles, sent.directions[kept], _of_sky(outside, at, len(kept), subdivision),
-        SeenSurfaces(
-            at[surfaces.ray], surfaces.point + LIFT * surfaces.normal, surfaces.normal,
-            surfaces.weight.reshape(-1, len(channels)) / np.pi,
-        ),
-        at[films.ray], glow(scene, films, suns, diameter, subdivision, seed),
-        images(chains, place, mirroring, suns, diameter, seed),
+        tiles, sent.directions[kept], _of_sky(traces, at, len(kept), subdivision),
+        SeenSurfaces.joined([points for points, _ in surfaces]),
+        sparse.hstack([showing for _, showing in surfaces]).tocsr(),
+        np.concatenate([at[t.films.ray] for t in traces]),
+        np.concatenate([t.elements[t.films.opening] for t in traces]), FilmGlow.joined(glows),
+        Images.joined(shown), np.concatenate(by_images),
+        () if openings is None else openings.starts, float(again) / count,
     )  # fmt: skip
 
 
-def _keys(surfaces: Ends, count: int) -> np.ndarray:
-    """Number of the parts and sides that each ray ends at, one after the other, int, (ray,)."""
-    sides = np.concatenate([surfaces.part[:, None], surfaces.normal.round(1)], axis=1)
-    side = np.unique(sides, axis=0, return_inverse=True)[1].ravel() + 1
-    before = np.r_[0, np.flatnonzero(np.diff(surfaces.ray)) + 1] if len(side) else np.zeros(0, int)
+def _ones(row: np.ndarray, column: np.ndarray, shape: tuple[int, int]) -> Any:
+    """Matrix with 1 at some places, csr array."""
+    return sparse.csr_array((np.ones(len(row), np.float32), (row, column)), shape)
+
+
+def _keys(surfaces: Sequence[Ends], count: int) -> np.ndarray:
+    """Number of what each ray ends at in all traces, parts and sides in turn, int, (ray,)."""
+    rows = []
+    for fill, ends in enumerate(surfaces):
+        of_fill = np.full(len(ends.ray), fill)
+        rows.append(np.column_stack([of_fill, ends.part, ends.opening, ends.normal.round(1)]))
+    side = np.unique(np.concatenate(rows), axis=0, return_inverse=True)[1].ravel() + 1
+    ray = np.concatenate([ends.ray for ends in surfaces])
+    by_ray = np.argsort(ray, kind="stable")
+    ray, side = ray[by_ray], side[by_ray]
+    before = np.r_[0, np.flatnonzero(np.diff(ray)) + 1] if len(side) else np.zeros(0, int)
     order = np.arange(len(side)) - np.repeat(before, np.diff(np.r_[before, len(side)]))
-    ends = np.zeros((count, order.max(initial=0) + 1), int)
-    ends[surfaces.ray, order] = side
-    return np.unique(ends, axis=0, return_inverse=True)[1].ravel()
+    by_turn = np.zeros((count, order.max(initial=0) + 1), int)
+    by_turn[ray, order] = side
+    return np.unique(by_turn, axis=0, return_inverse=True)[1].ravel()
 
 
-def _of_sky(outside: Ends, at: np.ndarray, pixels: int, subdivision: int) -> Any:
-    """Share of each bin's luminance that each pixel has, csr array (pixel, bin)."""
-    shape = (pixels, len(Patches(subdivision)))
-    d = mi.Vector3f(*(flat(outside.direction[:, k]) for k in range(3)))
-    bins = patch_index(d, subdivision).numpy() if len(outside.ray) else np.zeros(0, int)
-    return sparse.csr_array((outside.weight.astype(np.float32), (at[outside.ray], bins)), shape)
+def _again(ends: Ends) -> float:
+    """Sum of the weights of ends that are seen by two openings in turn [–]."""
+    weight = ends.weight[ends.again]
+    return float(weight.sum() / max(1, weight.shape[-1] if weight.ndim > 1 else 1))
 
 
-@dataclass(frozen=True, eq=False)
-class Luminances:
-    """Luminances of the pixels of a place in the hours of a year."""
-
-    seen: Seen
-    sky: np.ndarray
-    """Luminance of ground and sky patches [cd/m²], shape (time, bin)."""
-    sun: np.ndarray
-    """Luminance of the sun [cd/m²], shape (time,)."""
-    sun_index: np.ndarray
-    """Index of the time stamp's sun among the suns of `seen`, −1 without one, int, (time,)."""
-    surfaces: np.ndarray
-    """Luminance of the surface points [cd/m²], shape (point, time)."""
-
-    @cached_property
-    def largest(self) -> np.ndarray:
-        """Luminance that no pixel exceeds but by films [cd/m²], shape (time,); ∞ with films."""
-        if len(self.seen.films):
-            return np.where(self.sky.any(axis=1) | (self.sun > 0), np.inf, 0)
-        ends = np.bincount(self.seen.surfaces.pixel).max(initial=0)
-        return np.asarray(self.sky.max(axis=1) + ends * self.surfaces.max(axis=0, initial=0))
-
-    def at(self, hours: np.ndarray) -> np.ndarray:
-        """Luminances in some hours, without the disks of the suns, float32, (pixel, hour)."""
-        seen, lit = self.seen, self.sun_index[hours] >= 0
-        sky = np.ascontiguousarray(self.sky[hours].T, np.float32)
-        parts = [seen.sky @ sky, self._onto(seen.surfaces.pixel) @ self.surfaces[:, hours]]
-        if len(seen.films):
-            shining = seen.glow.sky @ sky
-            suns = seen.glow.suns[:, self.sun_index[hours][lit]]
-            shining[:, lit] += suns * self.sun[hours][lit].astype(np.float32)
-            parts.append(self._onto(seen.films) @ shining)
-        return np.asarray(sum(parts), np.float32)
-
-    def _onto(self, pixel: np.ndarray) -> Any:
-        """Sum of ends by pixel, csr array (pixel, end)."""
-        ones = np.ones(len(pixel), np.float32)
-        shape = (len(self.seen.directions), len(pixel))
-        return sparse.csr_array((ones, (pixel, np.arange(len(pixel)))), shape)
+def _of_sky(traces: Sequence[_Trace], at: np.ndarray, pixels: int, subdivision: int) -> dict:
+    """Share of each bin's luminance that each pixel has by element, csr arrays (pixel, bin)."""
+    shape, by_element = (pixels, len(Patches(subdivision))), {}
+    for trace in traces:
+        outside = trace.outside
+        d = mi.Vector3f(*(flat(outside.direction[:, k]) for k in range(3)))
+        bins = patch_index(d, subdivision).numpy() if len(outside.ray) else np.zeros(0, int)
+        element, weight = trace.elements[outside.opening], outside.weight.astype(np.float32)
+        for e in np.unique(element).tolist():
+            mine = element == e
+            place = at[outside.ray[mine]], bins[mine]
+            by_element[e] = sparse.csr_array((weight[mine], place), shape)
+    return by_element

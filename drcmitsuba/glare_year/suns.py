@@ -13,7 +13,7 @@ uncertain by less than n^½ of them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import drjit as dr
@@ -22,11 +22,11 @@ import numpy as np
 from drcmitsuba_plugins.sampling import disk_solid_angle, sample_disk
 
 from drcmitsuba.glare_year.chains import TURNED, Chains
+from drcmitsuba.glare_year.openings import NO_OPENING
 from drcmitsuba.glare_year.pixels import within
 from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import even_numbers
-from drcmitsuba.transport.mirrors.image_suns import ImageSuns
 from drcmitsuba.transport.rays.shadow_rays import straight
 
 spatial = lazy.module("scipy.spatial")
@@ -50,9 +50,22 @@ class Images(NamedTuple):
     """Visible solid angle [sr], shape (image,)."""
     transmittance: np.ndarray
     """Luminance of the visible part over that of the sun [–], shape (image,)."""
+    opening: np.ndarray
+    """Opening that the eye sees it by, `NO_OPENING` for none, int, shape (image,)."""
+
+    def take(self, which: np.ndarray) -> Images:
+        """Some of the images."""
+        return Images(*(column[which] for column in self))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Images]) -> Images:
+        """Images of several kinds."""
+        return cls(*(np.concatenate(columns) for columns in zip(NONE, *parts, strict=True)))
 
 
-NONE = Images(np.zeros(0, int), np.zeros((0, 3)), np.zeros(0), np.zeros(0))
+NONE = Images(np.zeros(0, int), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, int))
+Entered = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""Takes disks (ray,) and directions (ray, 3) from the eye in them; gives openings, int, (ray,)."""
 
 
 def images(
@@ -81,47 +94,88 @@ def images(
     def straight_on(d: mi.Vector3f) -> mi.Float:
         return straight(chains.scene, p, d, mi.Bool(True))
 
-    parts = [_disks(np.arange(len(suns)), suns, diameter, seed, straight_on)]
+    def entered(disk: np.ndarray, d: np.ndarray) -> np.ndarray:
+        if chains.openings is None:
+            return np.full(len(d), NO_OPENING)
+        return chains.openings.first(np.broadcast_to(place, d.shape), d, np.full(len(d), np.inf))
+
+    parts = [_disks(np.arange(len(suns)), suns, diameter, seed, straight_on, entered)]
     if chains.images is not None:
-        parts += _in_planes(chains.images, p, suns, diameter, seed)
+        parts += _in_planes(chains, place, suns, diameter, seed)
     parts += [
         _mirrored(chains, place, mirroring[i : i + TILES], suns, diameter, seed + i)
         for i in range(0, len(mirroring), TILES)
     ]
-    return Images(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    return Images.joined(parts)
 
 
 def _disks(
     index: np.ndarray, centres: np.ndarray, diameter: float, seed: int,
-    reached: Callable[[mi.Vector3f], mi.Float],
+    reached: Callable[[mi.Vector3f], mi.Float], entered: Entered,
 ) -> Images:  # fmt: skip
-    """Disks around centres (disk, 3) of suns `index` (disk,), where any of their light arrives."""
+    """Disks around centres (disk, 3) of suns `index` (disk,), where any of their light arrives.
+
+    There is one for every opening that a part of the disk is seen by.
+    """
     lane = dr.arange(mi.UInt32, len(index) * SAMPLES)
     disk = lane // SAMPLES
     uv = even_numbers(lane % SAMPLES, disk, seed, 0)
     d = sample_disk(dr.gather(mi.Vector3f, flat(centres), disk), diameter, uv)
     tau = reached(d).numpy().reshape(-1, SAMPLES).astype(float)
-    visible = (tau > 0).sum(axis=1)
-    seen = np.flatnonzero(visible)
-    omega = disk_solid_angle(diameter) * visible[seen] / SAMPLES
-    return Images(index[seen], centres[seen], omega, tau[seen].sum(axis=1) / visible[seen])
+    at, sample = np.nonzero(tau > 0)
+    towards = np.array(d).T.reshape(-1, SAMPLES, 3)[at, sample].astype(float)
+    opening = entered(at, towards)
+    (seen, by), image = _numbered(np.stack([at, opening], axis=1))
+    visible = np.bincount(image, minlength=len(seen))
+    through = np.bincount(image, tau[at, sample], len(seen)) / np.maximum(visible, 1)
+    omega = disk_solid_angle(diameter) * visible / SAMPLES
+    return Images(index[seen], centres[seen], omega, through, by)
 
 
 def _in_planes(
-    images: ImageSuns, p: mi.Point3f, suns: np.ndarray, diameter: float, seed: int
+    chains: Chains, place: np.ndarray, suns: np.ndarray, diameter: float, seed: int
 ) -> Iterator[Images]:
     """Yield the images of suns by each chain of planar mirrors."""
+    mirrored = chains.images
+    assert mirrored is not None
+    p = mi.Point3f(*map(float, place))
     for k, (d, some, reached) in enumerate(
-        images.seen_from(p, suns, diameter, images.mirrors.seen)
+        mirrored.seen_from(p, suns, diameter, mirrored.mirrors.seen)
     ):
-        yield _disks(some, d, diameter, seed + 7 * k + 1, reached)
+
+        def entered(disk: np.ndarray, d: np.ndarray, sun: np.ndarray = suns[some]) -> np.ndarray:
+            return _opening_of_images(chains, place, disk, d, sun, diameter)
+
+        yield _disks(some, d, diameter, seed + 7 * k + 1, reached, entered)
+
+
+def _opening_of_images(
+    chains: Chains, place: np.ndarray, disk: np.ndarray, d: np.ndarray, suns: np.ndarray,
+    diameter: float,
+) -> np.ndarray:  # fmt: skip
+    """Opening by which each ray sees the image of a sun in mirrors: that of its disk's first ray.
+
+    Of what the ray shows, it is the strongest end in the sun's disk; where chance has let none
+    through, the first opening along the ray.
+    """
+    if chains.openings is None or not len(disk):
+        return np.full(len(disk), NO_OPENING)
+    each, first, image = np.unique(disk, return_index=True, return_inverse=True)
+    eyes = np.broadcast_to(place, (len(each), 3))
+    opening = chains.openings.first(eyes, d[first], np.full(len(each), np.inf))
+    outside, _, _ = chains.ends(eyes, d[first])
+    cosine = np.einsum("ei,ei->e", outside.direction, suns[each][outside.ray])
+    shown = outside.take((outside.path > 0) & (cosine > np.cos(np.radians(diameter))))
+    rising = shown.take(np.argsort(shown.weight, kind="stable"))
+    opening[rising.ray] = rising.opening  # the strongest end is written last
+    return opening[image.ravel()]
 
 
 def _mirrored(
     chains: Chains, place: np.ndarray, tiles: np.ndarray, suns: np.ndarray, diameter: float,
     seed: int,
 ) -> Images:  # fmt: skip
-    """Suns that are seen by way of mirrors, one image for each sun and tile."""
+    """Suns that are seen by way of mirrors, one image for each sun, tile and opening."""
     d, solid_angle = within(tiles, FINEST, seed)
     outside, _, _ = chains.ends(np.broadcast_to(place, d.shape), d)
     outside = outside.take(outside.path == TURNED)
@@ -131,9 +185,16 @@ def _mirrored(
     if not len(met):
         return NONE
     ray, weight = outside.ray[met["i"]], outside.weight[met["i"]]
-    key, image = np.unique(met["j"] * len(tiles) + ray // FINEST**2, return_inverse=True)
-    count = np.bincount(image, minlength=len(key))
-    towards = np.stack([np.bincount(image, d[ray, k], len(key)) for k in range(3)], axis=1)
+    seen = np.stack([met["j"], ray // FINEST**2, outside.opening[met["i"]]], axis=1)
+    (sun, _, opening), image = _numbered(seen)
+    count = np.bincount(image)
+    towards = np.stack([np.bincount(image, d[ray, k]) for k in range(3)], axis=1)
     towards = towards / np.linalg.norm(towards, axis=1, keepdims=True)
-    transmittance = np.bincount(image, weight, len(key)) / count
-    return Images(key // len(tiles), towards, count * solid_angle, transmittance)
+    transmittance = np.bincount(image, weight) / count
+    return Images(sun, towards, count * solid_angle, transmittance, opening)
+
+
+def _numbered(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Columns of the different rows (row, column), and the number of each among them."""
+    different, number = np.unique(rows, axis=0, return_inverse=True)
+    return different.T, number.ravel()

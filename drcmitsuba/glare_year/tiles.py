@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -54,6 +54,25 @@ class EyeTiles:
     def __len__(self) -> int:
         """Count the tiles."""
         return len(self.first) - 1
+
+    def take(self, kept: np.ndarray) -> tuple[EyeTiles, np.ndarray]:
+        """Some of the tiles, bool (tile,), and the pixels of their rays, which are numbered anew.
+
+        Returns
+        -------
+        EyeTiles
+        np.ndarray of int, shape (pixel,)
+            Former numbers of the pixels.
+        """
+        sizes = np.diff(self.first)
+        here = np.repeat(kept, sizes)
+        first = np.r_[0, np.cumsum(sizes[kept])]
+        pixels, pixel = np.unique(self.pixel[here], return_inverse=True)
+        return replace(self, first=first, rays=self.rays[here], pixel=pixel.ravel()), pixels
+
+    def opened(self, opening: float) -> EyeTiles:
+        """Tiles whose rays are joined within another opening angle [rad]."""
+        return self if self.opening == opening else replace(self, opening=opening)
 
     @cached_property
     def direction(self) -> np.ndarray:

@@ -5,10 +5,14 @@ angle ω_s and position index P_s of the glare sources [1]_,
 
 .. math:: DGP = c_1 E_v + c_2 \log_{10}(1 + \sum_s L_s^2 ω_s / (E_v^{1.87} P_s^2)) + c_3 .
 
-The rays of an eye are traced once for each state of the façade. What a ray sees through panes has
-the luminance of the sky's patch there, a film that of its BSDF, a surface that of its illuminance.
-The suns' disks are sources of their own. The replicates of C give E_v and the surfaces, and with
-them DGP, an error.
+The rays of an eye are traced once for each number of a fill of an opening, and every state of the
+façade is a sum of what they see and of light by element (`by_element`). What a ray sees through
+panes has the luminance of the sky's patch there, a film that of its BSDF, a surface that of its
+illuminance. The suns' disks are sources of their own. The replicates of C give E_v and the
+surfaces, and with them DGP, an error.
+
+A case with one state is simulated as a whole, and so is one whose light no sum over elements holds,
+state by state (`state`).
 
 References
 ----------
@@ -18,8 +22,9 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -32,26 +37,35 @@ from drcmitsuba.annual.attributes import settings as settings_of_case
 from drcmitsuba.annual.run import Run
 from drcmitsuba.case.accuracy import AT_SENSORS
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.groups import APPLIED, OPEN, VARYING, State
+from drcmitsuba.case.groups import OPEN, VARYING, State
 from drcmitsuba.case.reading import load_case
+from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.glare_year import forecast
-from drcmitsuba.glare_year.eye_samples import EyeSamples, by_hour
+from drcmitsuba.glare_year.by_element import ElementTracing
+from drcmitsuba.glare_year.element_sampler import ElementSampler
+from drcmitsuba.glare_year.eye_samples import EyeSamples
 from drcmitsuba.glare_year.eyes import Eyes, eyes
+from drcmitsuba.glare_year.facades import FacadesOfCase
 from drcmitsuba.glare_year.result import GlareYear
-from drcmitsuba.glare_year.rounds import IntervalLook, Sampler, of_glare, of_illuminance, toward
+from drcmitsuba.glare_year.rounds import (
+    IntervalLook,
+    Sampler,
+    StateSampler,
+    of_glare,
+    of_illuminance,
+    toward,
+)
 from drcmitsuba.glare_year.rule import Rule
-from drcmitsuba.metrics.facade_states import FacadeStates
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime import backend
-from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
+from drcmitsuba.scene.fills import openings_of
 from drcmitsuba.scene.geometry import origin
+from drcmitsuba.scene.panes_in_state import groups_with_surfaces
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import describe, mean_and_error
 from drcmitsuba.sky.daylight import Daylight, daylight
-
-MOST_STATES = 12
-"""Largest number of states of the façade."""
+from drcmitsuba.sky.luminances import bright_hours
 
 
 def glare(
@@ -111,69 +125,52 @@ def glare(
         light = daylight(case)
         planned = plan(case, light)
     run = replace(run, enabled_effects=planned.scope)
-    effects = planned.scope
-    simulated = case if effects.shade else case.with_tables(shading=None, groups={})
-    taken, notes = _taken(simulated, light, run)
-    states = list(dict.fromkeys((*_states_of(simulated), *(() if taken is None else taken.states))))
+    simulated = case if planned.scope.shade else case.with_tables(shading=None, groups={})
+    sampler = _sampler(simulated, light, looking, rule, run)
     if told is not None:
-        told(forecast.seconds(simulated, states, light, looking, effects))
-    sampler = Sampler(simulated, tuple(states), light, looking, rule, run)
-    index = None
-    if taken is not None:
-        index = np.array([states.index(state) for state in taken.states])[taken.index]
-        states.append(APPLIED)
-    settings = {**settings_of_case(case, light), "rule": asdict(rule), "seed": run.seed}
-
-    def rated(samples: list[EyeSamples]) -> GlareYear:
-        every = samples if index is None else [*samples, by_hour(samples, index)]
-        hours, replicates = _rated(case, light, looking, states, every, rule)
-        return GlareYear(case, hours, replicates, settings, dict(run.seconds))
+        states = sampler.traced()
+        told(forecast.seconds(simulated, states, light, looking, planned.scope))
+    if isinstance(sampler, ElementSampler):
+        planned = planned.summed(always=True)
+    made = partial(rated, case, light, looking, sampler.states, rule=rule, run=run)
 
     def look(samples: list[EyeSamples]) -> IntervalLook:
         assert target is not None
         if target.unit == AT_SENSORS:
             return of_illuminance(samples, target)
-        return of_glare(rated(samples), target, index)
+        return of_glare(made(samples, ()), target)
 
-    samples, target = sampler.first(), case.accuracy.eye_goal
+    samples, target, notes = sampler.first(), case.accuracy.eye_goal, sampler.notes()
     if target is not None:
         samples, note = toward(target, sampler, samples, look)
         notes = (*notes, note)
     elif case.accuracy.goal is not None:
         got = f'accuracy.target: "{case.accuracy.goal}" is one of an evaluation'
         notes = (*notes, f"{got}; glare adds no rounds toward it")
-    settings["notes"] = [*light.notes, *planned.notes(), *notes]
-    return rated(samples)
+    return made(samples, (*light.notes, *planned.notes(), *notes))
 
 
-def _states_of(case: Case) -> tuple[State, ...]:
-    """States in which glare is computed: all groups open, all in their next state, and so on."""
-    if case.shading is None and not case.groups:
-        return (OPEN,)
+def _sampler(case: Case, light: Daylight, looking: Eyes, rule: Rule, run: Run) -> Sampler:
+    """Way to simulate a case: as a whole, by element, or state by state."""
     groups = prepared(case).groups.states
-    last = np.array(groups.last)
-    each = [groups.label(np.minimum(k, last).tolist()) for k in range(last.max(initial=0) + 1)]
-    if len(each) > MOST_STATES:
-        got = f"{len(each)} states of a group"
-        raise InputError(case.source, "groups", got, f"glare is computed for {MOST_STATES}")
-    return tuple(dict.fromkeys(each))
-
-
-def _taken(case: Case, light: Daylight, run: Run) -> tuple[FacadeStates | None, tuple[str, ...]]:
-    """State that the shade takes at each time stamp; None without a shade, or with a note."""
+    if not any(groups.closable):
+        return StateSampler(case, light, looking, rule, run, (OPEN,))
+    if not isinstance(case.sun, Adaptive) and not groups_with_surfaces(case):
+        panes = openings_of(case)
+        facades = FacadesOfCase(case, panes, light, run).of({})
+        return ElementSampler(ElementTracing(case, panes, light, run), facades, looking, rule)
     taken = applied_states(case, light, run)
-    if taken is None:
-        return None, ()
-    if VARYING in taken.states or len(taken.states) > MOST_STATES:
-        note = "glare with the shade applied is left out: its groups take too many states"
-        return None, (note,)
-    return taken, ()
-
-
-def _bright(light: Daylight) -> np.ndarray:
-    """Time stamps at which the sky or the sun is bright, bool (time,)."""
-    sky = light.sky["sky"].transpose("time", "bin").values
-    return (sky > 0).any(axis=1) | (light.sky["sun"].values > 0)
+    assert taken is not None
+    last = np.array(groups.last)
+    each = [groups.label(np.minimum(k, last).tolist()) for k in range(last.max() + 1)]
+    if VARYING in taken.states:
+        note = "glare with the shade applied is left out: its groups take too many states to be "
+        note += "simulated one by one, and light of this case is no sum over openings"
+        states = tuple(dict.fromkeys(each))
+        return StateSampler(case, light, looking, rule, run, states, remarks=(note,))
+    states = tuple(dict.fromkeys((*each, *taken.states)))
+    index = np.array([states.index(state) for state in taken.states])[taken.index]
+    return StateSampler(case, light, looking, rule, run, states, index)
 
 
 def pseudo_values(rule: Rule, E: np.ndarray, S: np.ndarray, deviations: np.ndarray) -> np.ndarray:
@@ -188,11 +185,11 @@ def pseudo_values(rule: Rule, E: np.ndarray, S: np.ndarray, deviations: np.ndarr
     return np.asarray(R * rule.dgp(mean, S) - (R - 1) * without)
 
 
-def _rated(
-    case: Case, light: Daylight, looking: Eyes, states: list[State], samples: list[EyeSamples],
-    rule: Rule,
-) -> tuple[xr.Dataset, np.ndarray]:  # fmt: skip
-    """DGP and what it follows from, and DGP by each replicate."""
+def rated(
+    case: Case, light: Daylight, looking: Eyes, states: Sequence[State],
+    samples: Sequence[EyeSamples], notes: Sequence[str], *, rule: Rule, run: Run,
+) -> GlareYear:  # fmt: skip
+    """DGP of the samples of all states, and what it follows from."""
     dims = ("state", "time", "view")
     E, deviations = (
         np.stack([getattr(s, name) for s in samples], 1) for name in ("illuminance", "deviations")
@@ -209,9 +206,9 @@ def _rated(
         values["dgp_sharp"] = rule.dgp(mean, sharp)
     places = looking.points + origin(case)
     coords: dict[str, Any] = {
-        "state": np.array(states, object), "time": light.sky["time"].values,
+        "state": np.array([*states], object), "time": light.sky["time"].values,
         "clock": ("time", light.sky["clock"].values), "view": np.array(looking.names, object),
-        "daylight": ("time", _bright(light).astype(np.int8)),
+        "daylight": ("time", bright_hours(light.sky).astype(np.int8)),
     }  # fmt: skip
     if (inside := prepared(case).rooms_of(looking.points)) is not None:
         names = np.array([*(space.name for space in prepared(case).spaces), ""], object)
@@ -221,4 +218,6 @@ def _rated(
     data = {name: (dims, v.astype(np.float32)) for name, v in values.items()}
     hours = describe(xr.Dataset(data, coords))
     hours.attrs = {"case": case.name, "step_hours": light.step_hours, "weather": light.source}
-    return hours, replicates
+    settings = {**settings_of_case(case, light), "rule": asdict(rule), "seed": run.seed}
+    settings["notes"] = [*notes]
+    return GlareYear(case, hours, replicates, settings, dict(run.seconds))

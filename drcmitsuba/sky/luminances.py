@@ -96,3 +96,9 @@ def from_luminances(data: xr.Dataset) -> xr.Dataset:
         L[rows, columns] -= (weights * out["sun"].values)[rows]
     out["sky"] = (("time", "bin"), np.maximum(L, 0))
     return out.assign_coords(bin=labels[is_sky])
+
+
+def bright_hours(sky: xr.Dataset) -> np.ndarray:
+    """Time stamps at which the sky or the sun is bright, bool (time,)."""
+    patches = sky["sky"].transpose("time", "bin").values
+    return np.asarray((patches > 0).any(axis=1) | (sky["sun"].values > 0))

@@ -2,9 +2,10 @@
 
     python -m tests.bench.bench_glare_year
 
-prints seconds of the processor and of the clock. The year has all its daylight hours, 8760 time
-stamps; a hundred views are twelve and a half places of eight views, of which one is measured. The
-one view is of the same place and has all its rays, those behind it as well.
+prints seconds of the processor and of the clock, and those of a further façade by opening and fill
+in the occupied hours. The year has all its daylight hours, 8760 time stamps; a hundred views are
+twelve and a half places of eight views, of which one is measured. The one view is of the same place
+and has all its rays, those behind it as well.
 """
 
 import time
@@ -15,6 +16,7 @@ import numpy as np
 from drcmitsuba import load_case
 from drcmitsuba.annual.run import Run
 from drcmitsuba.case.weather import PeriodTable
+from drcmitsuba.glare_year import glare_elements
 from drcmitsuba.glare_year.eyes import eyes
 from drcmitsuba.glare_year.rule import Rule
 from drcmitsuba.glare_year.state import places
@@ -29,7 +31,7 @@ def main():
     backend.select()
     light, looking = daylight(case), eyes(case, [[4.4, 3.0, 1.2]])
     run = Run.of(case, plan(case, light).scope)
-    (place,) = places(case, "open", light, looking, run)
+    (place,) = places(case, "open", light, looking, run, Rule().least)
     times = np.arange(light.sky.sizes["time"])
     lit = int((light.sky["sky"].values > 0).any(axis=1).sum())
     print(f"{len(times)} time stamps, {lit} with daylight")
@@ -44,6 +46,20 @@ def main():
     ):
         clock, used = (places_of_it * value for value in seconds)
         print(f"{name}: {clock:.1f} s, {used:.1f} s of the processor")
+    _by_element()
+
+
+def _by_element():
+    """Seconds of a further façade of one place of eight views, from light by element."""
+    case = load_case("classroom/reference/o1")
+    seen = glare_elements(case, [[4.4, 3.0, 1.2]])
+    hours = seen.facades.light.sky.sizes["time"]
+    for south in (*seen.fills["south"], seen.fills["south"][0]):  # the first one compiles kernels
+        start, used = time.perf_counter(), time.process_time()
+        seen.evaluate({"south": south})
+        clock, used = time.perf_counter() - start, time.process_time() - used
+        words = f"{clock:.2f} s, {used:.2f} s of the processor"
+        print(f"south {south}, one place of eight views, {hours} hours: {words}")
 
 
 def _seconds(place, looking, times):

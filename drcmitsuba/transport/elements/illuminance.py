@@ -26,7 +26,7 @@ from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.elements.paths import SentBack
 from drcmitsuba.transport.elements.scenes import Element
-from drcmitsuba.transport.elements.trace import ElementDeposit, ElementTrace
+from drcmitsuba.transport.elements.trace import ElementDeposit, ElementTrace, Points
 from drcmitsuba.transport.elements.weights import BESIDES, HOURS, Year
 
 if TYPE_CHECKING:
@@ -37,14 +37,14 @@ THREADS = 2
 
 def illuminance(
     case: Case, openings: PaneGroups, suns: Suns, accuracy: Accuracy, effects: EnabledEffects,
-    year: Year, *, channel: int = -1, sensors: slice = slice(None),
+    year: Year, *, channel: int = -1, receivers: Points | None = None,
     progress: Progress = lambda share: None,
 ) -> Iterator[np.ndarray]:  # fmt: skip
     """Yield the illuminance of a year by each replicate.
 
     Parameters
     ----------
-    case, openings, suns, accuracy, effects, channel, sensors
+    case, openings, suns, accuracy, effects, channel, receivers
         As for `ElementTrace.of`.
     year : Year
         Luminances of the bins, ground and sky before `suns`, and shares of every time stamp.
@@ -63,7 +63,14 @@ def illuminance(
     """
     wanted = {e: year.suns_of(e) for e in year.hours if e != BESIDES}
     trace = ElementTrace.of(
-        case, openings, suns, accuracy, effects, channel=channel, wanted=wanted, sensors=sensors
+        case,
+        openings,
+        suns,
+        accuracy,
+        effects,
+        channel=channel,
+        wanted=wanted,
+        receivers=receivers,
     )
     dr.flush_malloc_cache()  # rays take other sizes of memory than light does
     with ThreadPoolExecutor(1) as thread:  # sums while further light is traced

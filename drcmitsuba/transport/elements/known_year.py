@@ -98,6 +98,21 @@ class KnownYear:
             self._by_row(E, rows, of_hour, hours)
         return E
 
+    def of_element(self, element: int, shares: np.ndarray) -> np.ndarray:
+        """Illuminance by the whole of one element, or by `BESIDES`, (replicate, time, sensor) [lx].
+
+        What openings send back of it into the room is that of a façade with `shares` (element,).
+        """
+        sensors, lit = len(self.light.positions), self.lit[element]
+        if not self._differs:
+            return lit
+        return np.stack(
+            [
+                each[:, :sensors] + each[:, sensors:] @ back.weighed(shares).T
+                for each, back in zip(lit, self.light.returned, strict=True)
+            ]
+        )
+
     @property
     def _differs(self) -> bool:
         """Whether G_m differs between façades."""

@@ -18,7 +18,7 @@ from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.elements.light import ElementLight, LightByElement
 from drcmitsuba.transport.elements.scenes import Element
-from drcmitsuba.transport.elements.trace import ElementDeposit, ElementTrace
+from drcmitsuba.transport.elements.trace import ElementDeposit, ElementTrace, Points
 
 Matrix = Any
 """Matrix of SciPy or NumPy."""
@@ -32,14 +32,15 @@ TOGETHER = 1 << 26
 
 def compute(
     case: Case, openings: PaneGroups, suns: Suns, accuracy: Accuracy, effects: EnabledEffects, *,
-    channel: int = -1, kept: int | None = None, most_bytes: int = MOST_BYTES,
+    channel: int = -1, receivers: Points | None = None, kept: int | None = None,
+    most_bytes: int = MOST_BYTES,
     progress: Progress = lambda share: None,
 ) -> LightByElement:  # fmt: skip
     """Compute the coefficients of every opening with every fill.
 
     Parameters
     ----------
-    case, openings, suns, accuracy, effects, channel
+    case, openings, suns, accuracy, effects, channel, receivers
         As for `ElementTrace.of`.
     kept : int, optional
         Number of independent results, a divisor of the number of replicates; each is the mean over
@@ -62,7 +63,9 @@ def compute(
     kept = accuracy.replicates if kept is None else kept
     draws = accuracy.replicates // kept
     assert draws * kept == accuracy.replicates
-    trace = ElementTrace.of(case, openings, suns, accuracy, effects, channel=channel, draws=draws)
+    trace = ElementTrace.of(
+        case, openings, suns, accuracy, effects, channel=channel, draws=draws, receivers=receivers
+    )
     every = (trace.besides, *trace.elements)
     lit = [e for e in every if not e.is_opaque]
     _check_size(case, trace, kept, [len(element.bins) for element in lit], most_bytes)

@@ -43,6 +43,8 @@ from drcmitsuba.transport.rays.openings import Within, within_of
 from drcmitsuba.transport.rays.straight_suns import Disks, sensor_numbers
 from drcmitsuba.transport.replicate import Replicates
 
+Points = tuple[np.ndarray, np.ndarray]
+"""Positions and normals of receivers, shape (sensor, 3) each."""
 KEPT = 1 << 26
 """Largest number of pairs of sensors and suns whose disks are kept for further replicates."""
 
@@ -99,7 +101,7 @@ class ElementTrace:
     def of(
         cls, case: Case, openings: PaneGroups, suns: Suns, accuracy: Accuracy,
         effects: EnabledEffects, *, channel: int = -1, draws: int = 1,
-        wanted: Mapping[int, np.ndarray] | None = None, sensors: slice = slice(None),
+        wanted: Mapping[int, np.ndarray] | None = None, receivers: Points | None = None,
     ) -> ElementTrace:  # fmt: skip
         """Trace the paths, and load the scene of every element.
 
@@ -119,8 +121,9 @@ class ElementTrace:
             Number of replicates whose paths are averaged into one result.
         wanted : mapping of int to np.ndarray of bool, shape (sun,), optional
             Suns of each element that is asked for; by default all suns of all elements.
-        sensors : slice
-            Sensors of the case; by default all.
+        receivers : tuple of np.ndarray, shape (sensor, 3), optional
+            Positions [m] and unit normals in the traced frame, as from `Receivers.at`; by default
+            those of all sensors of the case.
 
         Raises
         ------
@@ -140,7 +143,7 @@ class ElementTrace:
         if groups.starts[-1] > MOST_ELEMENTS:
             got = f"{groups.starts[-1]} fills of all openings"
             raise InputError(case.source, "elements", got, f"take at most {MOST_ELEMENTS} together")
-        points, normals = prepared(case).receivers.at(sensors)
+        points, normals = prepared(case).receivers.at() if receivers is None else receivers
         label = groups.label([HIDDEN] * len(groups))
         hidden = scene.load(case, label, channel, effects, openings)
         marks = OpeningMarks(panes, np.array(groups.starts), channel, effects.beyond)

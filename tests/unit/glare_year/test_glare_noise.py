@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drcmitsuba.annual.run import Run
-from drcmitsuba.glare_year import state
+from drcmitsuba.glare_year import state, surface_light
 from drcmitsuba.glare_year.eyes import eyes
 from drcmitsuba.glare_year.luminance_noise import DIM
 from drcmitsuba.glare_year.rule import Rule
@@ -33,17 +33,19 @@ def place(tmp_path_factory):
 
 def test_the_sums_follow_the_luminances_of_each_replicate(place):
     looking, seen = place
-    known, noise, times = seen.known, seen.noise, np.arange(len(TIMES))
-    assert (known.surfaces[noise.point, noise.time] > DIM).all()
-    assert noise.deviation.shape == (4, (known.surfaces > DIM).sum())
+    known, times = seen.known, np.arange(len(TIMES))
+    lit, noise = known.surfaces, known.surfaces.noise
+    bright = np.flatnonzero(lit.luminance > DIM)
+    np.testing.assert_array_equal(noise.luminance, lit.luminance[bright])
+    assert noise.deviation.shape == (4, len(bright))
     np.testing.assert_allclose(noise.deviation.sum(axis=0), 0, atol=1)
     by_noise = seen.deviations(looking, EACH)
     assert by_noise.shape == (4, len(TIMES), len(looking))
     step, start, slopes = 1e-4, seen.sums(looking, EACH, times)[0], []
     for deviation in noise.deviation:
-        L = known.surfaces.copy()
-        L[noise.point, noise.time] += step * deviation
-        moved = replace(seen, known=replace(known, surfaces=L))
+        L = lit.luminance.copy()
+        L[bright] += step * deviation
+        moved = replace(seen, known=replace(known, surfaces=replace(lit, luminance=L)))
         slopes.append((moved.sums(looking, EACH, times)[0] - start) / step)
     size = np.sqrt(np.mean(np.square(slopes)))
     assert size > 1e3
@@ -78,22 +80,32 @@ def test_dim_points_take_fewer_replicates_and_bright_ones_all(tmp_path, monkeypa
     backend.select()
     light, looking = daylight(case), eyes(case)
     run = Run.of(case, plan(case, light).scope)
-    monkeypatch.setattr(state, "FIRST", 4)
+    monkeypatch.setattr(surface_light, "FIRST", 4)
     (all_at_once,) = places(case, "open", light, looking, run)
     made = []
-    compute = state._coefficients
-    monkeypatch.setattr(state, "FIRST", 2)
-    monkeypatch.setattr(
-        state, "_coefficients", lambda *a: made.append((len(a[3].points), a[5])) or compute(*a)
-    )
+    compute = state.of_points
+    monkeypatch.setattr(surface_light, "FIRST", 2)
+
+    def counted(case, *rest, **options):
+        made.append((len(rest[3]), case.accuracy.replicates))
+        return compute(case, *rest, **options)
+
+    monkeypatch.setattr(state, "of_points", counted)
     (in_two,) = places(case, "open", light, looking, run)
     (points, first), (bright, rest) = made
     assert (first, rest) == (2, 2)
-    L = all_at_once.known.surfaces
+    L, again = (by_point(place.known.surfaces, points) for place in (all_at_once, in_two))
     assert 0 < (L > DIM).any(axis=1).sum() <= bright < points
-    assert in_two.noise.deviation.shape[0] == 4
-    both = (L > DIM) & (in_two.known.surfaces > DIM)
+    assert in_two.known.surfaces.noise.deviation.shape[0] == 4
+    both = (L > DIM) & (again > DIM)
     assert both.sum() > 0.95 * (L > DIM).sum()
-    assert in_two.known.surfaces[both].mean() == pytest.approx(L[both].mean(), rel=0.02)
+    assert again[both].mean() == pytest.approx(L[both].mean(), rel=0.02)
     dim = L < DIM / 4
-    assert in_two.known.surfaces[dim].mean() == pytest.approx(L[dim].mean(), rel=0.03)
+    assert again[dim].mean() == pytest.approx(L[dim].mean(), rel=0.03)
+
+
+def by_point(lit, points):
+    """Luminances (point, time) [cd/m²]."""
+    L = np.zeros((points, len(TIMES)))
+    L[lit.point, lit.time] = lit.luminance
+    return L

@@ -6,10 +6,18 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from drcmitsuba.annual.run import Run
 from drcmitsuba.case.accuracy import Accuracy, Target
+from drcmitsuba.glare_year import rounds
 from drcmitsuba.glare_year.eye_samples import EyeSamples, by_hour
 from drcmitsuba.glare_year.result import GlareYear
-from drcmitsuba.glare_year.rounds import IntervalLook, of_glare, of_illuminance, toward
+from drcmitsuba.glare_year.rounds import (
+    IntervalLook,
+    StateSampler,
+    of_glare,
+    of_illuminance,
+    toward,
+)
 from drcmitsuba.runtime import time_limit
 from drcmitsuba.runtime.progress import silent
 
@@ -82,22 +90,32 @@ def test_the_half_width_is_countable_where_one_hour_is_in_doubt():
     assert year.half_widths() == pytest.approx(np.array([[2.5]]))
     assert np.flatnonzero(year.in_doubt[0, :, 0]).tolist() == [7]
     assert year.numbers()["DGP"]["a"]["eye"]["above"]["0.40"]["high"] == pytest.approx(5)
-    look = of_glare(year, ONE_POINT, None)
+    look = of_glare(year, ONE_POINT)
     assert look.half_width == pytest.approx(2.5)
     assert np.argwhere(look.wanting).tolist() == [[0, 7, 0]]
-    assert not of_glare(year, Target(2.6, "point of glare hours"), None).wanting.any()
+    assert not of_glare(year, Target(2.6, "point of glare hours")).wanting.any()
 
 
-def test_hours_in_doubt_of_the_applied_shade_are_wanted_in_their_state():
-    dgp, spread = np.full((3, 20, 1), 0.3), np.zeros((3, 20, 1))
-    index = np.arange(20) % 2
-    dgp[2, [4, 5]], spread[2, [4, 5]] = 0.35, 0.02
-    year = made(dgp[:2], spread[:2])
-    hours = xr.concat([year.hours, year.hours.isel(state=[0])], "state")
-    hours["dgp"][2] = dgp[2]
-    replicates = np.concatenate([year.replicates, made(dgp[2:], spread[2:]).replicates], axis=1)
-    look = of_glare(GlareYear(None, hours, replicates, {"seed": 0}, {}), ONE_POINT, index)
-    assert np.argwhere(look.wanting).tolist() == [[0, 4, 0], [1, 5, 0]]
+def test_hours_in_doubt_of_the_applied_shade_are_simulated_in_their_state(monkeypatch):
+    index, begun = np.arange(4) % 2, []
+
+    def at_eyes(case, state, hours, looking, run):
+        begun.append((state, hours.tolist()))
+        return np.ones((3, len(hours), 1))
+
+    monkeypatch.setattr(rounds, "at_rows", lambda light, hours: hours)
+    monkeypatch.setattr(rounds, "at_eyes", at_eyes)
+    case = SimpleNamespace(accuracy=Accuracy())
+    looking = SimpleNamespace(take=lambda views: views)
+    sampler = StateSampler(case, None, looking, None, Run(0), ("a", "b"), index)
+    assert sampler.states == ("a", "b", "applied")
+    before = [samples(4, 1), samples(4, 1)]
+    wanting = np.zeros((3, 4, 1), bool)
+    wanting[0, 0] = wanting[2, [2, 3]] = True
+    *_, after = sampler.more([*before, by_hour(before, index)], wanting, 1, False)
+    assert begun == [("a", [0, 2]), ("b", [3])]
+    assert after.rounds[:, 0].tolist() == [2, 1, 2, 2]
+    np.testing.assert_allclose(after.illuminance[:, 3], (before[1].illuminance[:, 3] + 1) / 2)
 
 
 def test_eyes_whose_illuminance_is_known_well_enough_are_not_wanted():

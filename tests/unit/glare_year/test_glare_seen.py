@@ -39,6 +39,14 @@ def office(tmp_path_factory):
     return case, light, looking, place, illuminance
 
 
+def all_of(known, L):
+    """Surfaces that have one luminance at all hours [cd/m²]."""
+    shape = len(known.seen.surfaces.points), len(known.sky)
+    point, time = (index.ravel() for index in np.indices(shape))
+    values = np.full(len(point), L, np.float32)
+    return replace(known.surfaces, point=point, time=time, luminance=values)
+
+
 def through(d):
     """Transmittance of the pane for directions, and whether they meet it from the eye."""
     cosine = d @ NORMAL
@@ -96,9 +104,7 @@ def test_the_sun_right_behind_the_glass_has_the_dgp_of_its_formula(office):
     sun = light.sky["sun_direction"].values[hour]
     right = np.cross(sun, [0, 0, 1]) / np.linalg.norm(np.cross(sun, [0, 0, 1]))
     frame = np.array([right, np.cross(right, sun), sun])
-    dark = replace(
-        place.known, sky=0 * place.known.sky, surfaces=np.zeros_like(place.known.surfaces)
-    )
+    dark = replace(place.known, sky=0 * place.known.sky, surfaces=all_of(place.known, 0))
     at_sun = replace(place, known=dark, views=np.array([0]))
     looks = replace(looking, names=("sun",), frames=frame[None])
     sums, _ = at_sun.sums(looks, Rule(), np.array([hour]))
@@ -115,7 +121,7 @@ def test_dgp_is_that_of_full_pictures(office):
     """Pictures made from the window's edges, whose sources are joined pixel by pixel."""
     case, light, looking, place, illuminance = office
     size = 512
-    dim = replace(place.known, surfaces=np.full_like(place.known.surfaces, 100))
+    dim = replace(place.known, surfaces=all_of(place.known, 100))
     ours, _ = replace(place, known=dim).sums(looking, Rule(), np.arange(6))
     Ev = illuminance.mean(axis=0)
     for v, frame in enumerate(looking.frames):

@@ -1,0 +1,267 @@
+"""What is seen from one place of eyes, and the sums over its glare sources in any façade."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drcmitsuba.annual.run import Run
+from drcmitsuba.case.case import Case
+from drcmitsuba.glare_year.eyes import Eyes
+from drcmitsuba.glare_year.luminance_noise import DIM
+from drcmitsuba.glare_year.luminances import Luminances
+from drcmitsuba.glare_year.openings import SeenOpenings
+from drcmitsuba.glare_year.rule import Rule
+from drcmitsuba.glare_year.seen import Seen, SeenSurfaces, seen
+from drcmitsuba.glare_year.sources import contrast_sums
+from drcmitsuba.glare_year.surface_light import (
+    LightRows,
+    SurfacesByElement,
+    Tracer,
+    cuts,
+    light_of_surfaces,
+)
+from drcmitsuba.picture.position_index import position_index
+from drcmitsuba.scene import scene
+from drcmitsuba.sky.daylight import Daylight
+
+LUMINANCES = 1 << 25
+"""Largest number of luminances of pixels, or of points of several places, in hours at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlaceInFacade:
+    """View from one place in a façade, and its luminances."""
+
+    views: np.ndarray
+    """Indices of the views, int, shape (view,)."""
+    known: Luminances
+
+    def deviations(self, eyes: Eyes, rule: Rule) -> np.ndarray:
+        """Deviations of the sums of `sums` from their means by each replicate of C.
+
+        Returns
+        -------
+        np.ndarray, shape (replicate, time, view)
+        """
+        known, least = self.known, max(rule.least, DIM)
+        noise = known.surfaces.noise
+        return noise.of_sums(known.seen, known.shares, eyes.frames[self.views], least)
+
+    def sums(self, eyes: Eyes, rule: Rule, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Σ L² ω / P² of the views at some time stamps, and that of peaks as sharp as suns.
+
+        Where fills share an opening, the sum is that of the sources seen by each element, which
+        count with its share.
+
+        Returns
+        -------
+        by_file, sharp : np.ndarray, shape (time, view)
+            Sums with film peaks as wide as the cells of their BSDF, and as wide as a sun's disk.
+        """
+        known, frames = self.known, eyes.frames[self.views]
+        out = np.zeros((len(self.views), len(times)))
+        shining = known.may_exceed(rule.least)[times]
+        whole = known.is_whole[times]
+        tiles = known.seen.tiles.opened(rule.opening)
+        step = max(64, LUMINANCES // len(tiles.rays))
+        for kind, is_mixed in ((shining & whole, False), (shining & ~whole, True)):
+            some = np.flatnonzero(kind)
+            for start in range(0, len(some), step):
+                here = some[start : start + step]
+                hours, L = times[here], None
+                for element in known.elements(hours) if is_mixed else (None,):
+                    part = known.at(hours, element)
+                    L = part if not is_mixed else known.at(hours) if L is None else L
+                    limit = self._limit(L, frames, rule)
+                    own = contrast_sums(part, tiles, frames, limit, rule.peak)
+                    out[:, here] += own if element is None else known.shares[hours, element] * own
+        out += self._of_suns(frames, times, rule.least)
+        return out.T, (out + self._sharp(frames, times)).T
+
+    def _limit(self, L: np.ndarray, frames: np.ndarray, rule: Rule) -> np.ndarray:
+        """Luminance above which a pixel is bright [cd/m²], (hour,) or (view, hour)."""
+        if rule.least:
+            return np.full(L.shape[1], rule.threshold)
+        return rule.threshold * (_weights(self.known.seen, frames) @ L)
+
+    def _of_suns(self, frames: np.ndarray, times: np.ndarray, least: float) -> np.ndarray:
+        """Σ L² ω / P² of the suns' disks, shape (view, time)."""
+        known, images = self.known, self.known.seen.images
+        index, out = known.sun_index[times], np.zeros((len(frames), len(times)))
+        count = int(known.sun_index.max(initial=-1)) + 1
+        L = np.zeros(count)
+        L[index[index >= 0]] = known.sun[times][index >= 0]
+        for element in np.unique(known.seen.by_images).tolist():
+            mine = images.take(known.seen.by_images == element)
+            shown = L[mine.sun] * mine.transmittance
+            local = np.einsum("mi,vki->vmk", mine.direction, frames)
+            parts = shown**2 * mine.solid_angle / position_index(local) ** 2
+            parts *= (local[..., 2] > 0) & (shown > least)
+            by_sun = np.stack([np.bincount(mine.sun, values, count) for values in parts])
+            share = known.shares[times, element]
+            out += np.where(index >= 0, by_sun[:, index] * share, 0)
+        return out
+
+    def _sharp(self, frames: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """Growth of Σ L² ω / P² where peaks of films are as narrow as a sun, (view, time)."""
+        known, seen = self.known, self.known.seen
+        index, out = known.sun_index[times], np.zeros((len(frames), len(times)))
+        if not seen.glow.suns.size:
+            return out
+        local = np.einsum("pi,vki->vpk", seen.directions[seen.films], frames)
+        weight = seen.tiles.by_pixel[seen.films] / position_index(local) ** 2
+        weight *= local[..., 2] > 0
+        narrow = np.maximum(seen.glow.sharpness - 1, 0)
+        peaks = seen.glow.suns.astype(float) ** 2 * narrow
+        for element in np.unique(seen.by_films).tolist():
+            mine = seen.by_films == element
+            by_sun, share = weight[:, mine] @ peaks[mine], known.shares[times, element]
+            out += np.where(index >= 0, by_sun[:, index] * share * known.sun[times] ** 2, 0)
+        return out
+
+
+def _weights(shown: Seen, frames: np.ndarray) -> np.ndarray:
+    """Share of each pixel in the mean luminance of each view, shape (view, pixel)."""
+    ahead = frames[:, 2] @ shown.directions.T > 0
+    omega = ahead * shown.tiles.by_pixel
+    return np.asarray(omega / omega.sum(axis=1, keepdims=True))
+
+
+@dataclass(frozen=True, eq=False)
+class SeenPlace:
+    """View from one place by every opening and fill."""
+
+    views: np.ndarray
+    """Indices of the views, int, shape (view,)."""
+    seen: Seen
+    light: SurfacesByElement
+    sky: np.ndarray
+    """Luminances of sky and sun, as of `Luminances`."""
+    sun: np.ndarray
+    sun_index: np.ndarray
+
+    def in_facade(self, shares: np.ndarray) -> PlaceInFacade:
+        """View in a façade of shares (time, element) of the openings."""
+        shares = np.column_stack([shares, np.ones(len(self.sky))])
+        lit = self.light.in_facade(shares)
+        known = Luminances(self.seen, self.sky, self.sun, self.sun_index, lit, shares)
+        return PlaceInFacade(self.views, known)
+
+    @property
+    def sources(self) -> list[int]:
+        """Elements by which sky, films or suns are seen, `BESIDES` among them."""
+        shown = self.seen
+        return sorted({*shown.sky, *shown.by_films.tolist(), *shown.by_images.tolist()})
+
+    def sums_by(self, element: int, eyes: Eyes, rule: Rule) -> np.ndarray:
+        """Σ L² ω / P² over the sources that are seen by the whole of one element alone.
+
+        Surfaces are left out.
+
+        Returns
+        -------
+        np.ndarray, shape (time, view)
+        """
+        times = len(self.sky)
+        shares = np.zeros((times, max(self.seen.starts, default=0) + 1))
+        shares[:, element] = 1
+        none = self.light.of_points(np.full(len(self.seen.surfaces.points), -1)).in_facade(shares)
+        known = Luminances(self.seen, self.sky, self.sun, self.sun_index, none, shares)
+        return PlaceInFacade(self.views, known).sums(eyes, rule, np.arange(times))[0]
+
+    def of_sources(self, least: float) -> SeenPlace:
+        """Place with only those tiles that may be brighter than `least` [cd/m²] at some hour."""
+        shown, light = self.seen, self.light
+        may = sum(part @ self.sky.max(axis=0, initial=0) for part in shown.sky.values()) > least
+        may = np.array(np.broadcast_to(may, len(shown.directions)))
+        may[shown.films] = True
+        points = np.unique(light.point)
+        may |= np.diff(shown.showing[:, points].tocsr().indptr) > 0
+        ahead = np.maximum.reduceat(may[shown.tiles.pixel], shown.tiles.first[:-1])
+        of_points = np.full(len(shown.surfaces.points), -1)
+        of_points[points] = np.arange(len(points))
+        kept = shown.of_tiles(ahead).of_points(points)
+        return replace(self, seen=kept, light=light.of_points(of_points))
+
+
+def seen_places(
+    case: Case, scenes: Sequence[scene.Scene], openings: SeenOpenings | None, rows: LightRows,
+    tracer: Tracer, light: Daylight, looking: Eyes, run: Run, *, least: float, coefficients: int,
+) -> Iterator[SeenPlace]:  # fmt: skip
+    """Trace what is seen from each place of the eyes, place by place.
+
+    Parameters
+    ----------
+    case : Case
+    scenes, openings
+        As for `seen.seen`.
+    rows : LightRows
+    tracer : callable
+        Traces the light of surfaces by these rows.
+    light : Daylight
+    looking : Eyes
+    run : Run
+    least : float
+        Luminance that a glare source exceeds [cd/m²]; what is never so bright is left out. With 0
+        everything is kept.
+    coefficients : int
+        Largest number of coefficients of surfaces in one replicate that are in memory at once;
+        places whose surfaces fit in together share photons and the light on cells.
+
+    Yields
+    ------
+    SeenPlace
+    """
+    sky = light.sky
+    shining = np.flatnonzero(sky["sun"].values > 0)
+    sun_index = np.full(sky.sizes["time"], -1)
+    sun_index[shining] = np.arange(len(shining))
+    suns = sky["sun_direction"].values[shining]
+    channels = scene.channels_of(case, run.enabled_effects)
+
+    def shown(i: int, views: np.ndarray) -> Seen:
+        return seen(
+            scenes, channels, openings, looking.points[views[0]], looking.forward[views], suns,
+            case.outside.sun_diameter, case.sky.subdivision, run.seed + i,
+        )  # fmt: skip
+
+    count = len(rows.elements)
+    together = max(64, coefficients // (count * (len(light.suns.labels) + sky.sizes["bin"])))
+    most = max(1, min(together, LUMINANCES // (count * sky.sizes["time"])))
+    every = ((views, shown(i, views)) for i, views in enumerate(looking.by_place()))
+    for group in _together(every, most):
+        surfaces = SeenSurfaces.joined([place.surfaces for _, place in group])
+        above = np.concatenate([cuts(place, least) for _, place in group])
+        lit = light_of_surfaces(
+            tracer, rows, surfaces, above, case.accuracy.replicates, min(most, together)
+        )
+        start = 0
+        for views, place in group:
+            own = np.full(len(above), -1)
+            own[start : start + len(place.surfaces.points)] = np.arange(len(place.surfaces.points))
+            start += len(place.surfaces.points)
+            known = lit.of_points(own)
+            made = SeenPlace(views, place, known, sky["sky"].values, sky["sun"].values, sun_index)
+            yield made.of_sources(least) if least else made
+    for world in scenes:
+        run.ray_counter.update(world.ray_counter.counted())
+
+
+def _together(
+    places: Iterator[tuple[np.ndarray, Seen]], most: int
+) -> Iterator[list[tuple[np.ndarray, Seen]]]:
+    """Group places, one after another, whose surfaces have no more than some points in all."""
+    group: list[tuple[np.ndarray, Seen]] = []
+    points = 0
+    for views, shown in places:
+        count = len(shown.surfaces.points)
+        if group and points + count > most:
+            yield group
+            group, points = [], 0
+        group.append((views, shown))
+        points += count
+    if group:
+        yield group
