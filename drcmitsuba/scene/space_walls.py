@@ -191,7 +191,7 @@ def _walls_in(model: Model, surfaces: PlaneSurfaces, floors: _Floors) -> Iterato
         facing = side_name(-outward @ turn(-model.north).T, True)
         for name, floor, region in side:
             here = shapely.difference(region, beyond)
-            of_space = {i: _common(shape, here) for i, shape in shapes.items()}
+            of_space = {i: common(shape, here) for i, shape in shapes.items()}
             walls = {i: s for i, s in of_space.items() if is_wall(model.layers[i])}
             free = {}
             for i, own in walls.items():
@@ -262,7 +262,7 @@ def _normals(quads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return n, size
 
 
-def _common(one: Any, other: Any) -> Any:
+def common(one: Any, other: Any) -> Any:
     """Polygons that two shapes share; lines where they only touch are left out."""
     both = shapely.intersection(one, other, grid_size=GRID)
     parts = [p for p in shapely.get_parts(both) if p.geom_type == "Polygon"]

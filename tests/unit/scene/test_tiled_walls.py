@@ -1,6 +1,7 @@
 """Outer walls of models, cut into tiles: which walls, which pieces, and what is refused."""
 
 import re
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -193,17 +194,76 @@ def test_windows_become_panes_of_their_material_beside_those_that_are_there():
     assert all((areas(x.quads) > 0).all() for x in built.building.layers)
 
 
-def thick(gap):
-    """Room with a second face of walls around it, at a distance [m]."""
+def shell(e, slant=0.0):
+    """Faces of a body around the room `thick`, at a distance, its southern one slanted [m]."""
+    low = [(-e, -e - slant), (4 + e, -e), (4 + e, 3 + e), (-e, 3 + e)]
+    base, top, outer = prism(low, 3.0 + e)
+    return [base, top, *outer]
+
+
+def thick(*gaps, slant=0.0):
+    """Room with further faces around it, at distances [m]; the southern ones are slanted."""
     floor, ceiling, walls = prism([(0, 0), (4, 0), (4, 3), (0, 3)], 3.0)
-    e = gap
-    base, top, outer = prism([(-e, -e), (4 + e, -e), (4 + e, 3 + e), (-e, 3 + e)], 3.0 + e)
+    shells = [polygon for gap in gaps for polygon in shell(gap, slant)]
     return case_of(
         layer("floor", Lambertian(0.3), floor),
         layer("plaster", Lambertian(0.7), ceiling, *walls),
-        layer("brick", Lambertian(0.3), base, top, *outer),
+        layer("brick", Lambertian(0.3), *shells),
         sensors={"floors": ["floor"], "spacing": 1.0},
     )
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_hole_goes_on_through_the_outer_face_between_reveals(turned):
+    """Two tiles of 2 m by 1 m side by side, 0.3 m deep: one sheet stands between them.
+
+    The outer face shows its back to the outdoors, or its front when turned; so do the reveals.
+    """
+    case = thick(0.3)
+    if turned:
+        floor, plaster, brick = case.building.layers
+        brick = replace(brick, quads=brick.quads[:, ::-1])
+        case = case.with_building(replace(case.building, layers=(floor, plaster, brick)))
+    tiled = TiledWalls.of(case, design(side="south", band=(1.0, 2.0)), 1, 2)
+    assert [tile.depth for tile in tiled.tiles] == pytest.approx([0.3, 0.3])
+    assert [tile.shape.area for tile in tiled.tiles] == pytest.approx([2, 2])
+    assert tiled.area == pytest.approx(12)
+    before, after = box.area_of(case.building.layers), box.area_of(tiled.case.building.layers)
+    wall, brick = ("plaster", "surface"), ("brick", "surface")
+    assert after[wall] == pytest.approx(before[wall] - 4)
+    edges = 4 * 2 + 3 * 1
+    assert after[brick] == pytest.approx(before[brick] - 4 + 0.3 * edges)
+    (bricks,) = [x for x in tiled.case.building.layers if x.name == "brick"]
+    n = np.cross(bricks.quads[:, 1] - bricks.quads[:, 0], bricks.quads[:, 2] - bricks.quads[:, 0])
+    y = bricks.quads[:, :, 1]
+    is_reveal = (np.ptp(y, axis=1) > 0.1) & (y.max(axis=1) < 0.01)
+    middle = bricks.quads[is_reveal].mean(axis=1)[:, [0, 2]] - [2, 1.5]
+    around = np.abs(middle).max(axis=1) > 0.4  # all but the sheet between the tiles
+    assert is_reveal.sum() == 7
+    along = np.einsum("qi,qi->q", middle, n[is_reveal][:, [0, 2]])[around]
+    assert (along < 0 if turned else along > 0).all()
+    panes = panes_of_model(tiled.case.building)
+    assert panes.outside[np.isin(panes.layer, tiled.layers)].all()
+    refuse_leaks(tiled.case)
+
+
+def test_a_window_ends_where_its_outer_face_does():
+    """The outer face has a niche of 2 m² behind the middle of the wall."""
+    case = thick(0.3)
+    floor, plaster, brick = case.building.layers
+    south = [[-0.3, -0.3, 0], [-0.3, -0.3, 3.3], [4.3, -0.3, 3.3], [4.3, -0.3, 0]]
+    at = np.flatnonzero((np.abs(brick.quads[:, :, 1] + 0.3) < 1e-6).all(axis=1))
+    rest = [quad for i, quad in enumerate(brick.quads) if i not in at]
+    hole = np.array([[1.0, -0.3, 0.5], [1.0, -0.3, 2.5], [2.0, -0.3, 2.5], [2.0, -0.3, 0.5]])
+    niche = [
+        [a, b, b + [0, 0.2, 0], a + [0, 0.2, 0]]
+        for a, b in zip(hole, np.roll(hole, 1, axis=0), strict=True)
+    ]
+    brick = layer("brick", brick.material, south, *rest, *niche, hole + [0, 0.2, 0], holes=[hole])
+    case = case.with_building(replace(case.building, layers=(floor, plaster, brick)))
+    tiled = TiledWalls.of(case, design(side="south", band=(0.5, 2.5)), 1, 1)
+    (tile,) = tiled.tiles
+    assert tile.shape.area == pytest.approx(8 - 2)
 
 
 def round_room(sides):
@@ -226,7 +286,8 @@ def test_facets_of_a_polygon_are_walls_of_their_own():
 @pytest.mark.parametrize(
     ("case", "keys", "message"),
     [
-        (lambda: thick(0.3), {}, '"plaster" of "floor" has a second face 0.3 m behind the first'),
+        (lambda: thick(0.1, 0.3), {}, '"plaster" of "floor" has 2 further faces within 1 m'),
+        (lambda: thick(0.3, slant=0.2), {"side": "south"}, "has no outer face in one plane"),
         (lambda: round_room(32), {}, '"drum" of "floor" bends to'),
         (lambda: round_room(4), {"side": "south-west"}, "no outer wall faces south-west"),
         (house, {"walls": ("brick*",)}, 'design.walls: none is called "brick*"; choose from'),
