@@ -20,7 +20,7 @@ from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.space_walls import walls_of
 from drcmitsuba.scene.tiled_walls import TiledWalls, WallPane
 from tests import ROOT
-from tests.model_rooms import case_of, house, l_room, layer, prism
+from tests.model_rooms import GLASS, case_of, house, l_room, layer, prism
 from tests.unit.model import box_room as box
 
 
@@ -131,6 +131,49 @@ def test_walls_between_rooms_are_none(tmp_path):
     tiled = TiledWalls.of(case, design(spaces=("Stu*",)), 1, 1)
     assert {wall.space for wall in tiled.walls} == {"Studio"}
     assert sum(wall.outline.area for wall in tiled.walls) == pytest.approx(12 + 12 + 18)
+
+
+def clerestory(foot):
+    """Room of 6 m by 6 m: a roof at 2.6 m, and behind a wall at y = 3 m one at 3.8 m.
+
+    The wall begins at its foot [m] above the floor.
+    """
+    low, high = (2.6, 3.8)
+    floor, _, _ = prism([(0, 0), (6, 0), (6, 6), (0, 6)], low)
+    side = [[0, 0], [3, 0], [6, 0], [6, high], [3, high], [3, low], [0, low]]  # y and z
+    west = [[0, y, z] for y, z in side]
+    east = [[6, y, z] for y, z in side[::-1]]
+    south = [[6, 0, 0], [0, 0, 0], [0, 0, low], [6, 0, low]]
+    north = [[0, 6, 0], [6, 6, 0], [6, 6, high], [0, 6, high]]
+    above = [[6, 3, foot], [0, 3, foot], [0, 3, high], [6, 3, high]]
+    roofs = [[[0, y, z], [6, y, z], [6, y + 3, z], [0, y + 3, z]] for y, z in ((0, low), (3, high))]
+    screen = [[1, 4.5, 0], [3, 4.5, 0], [3, 4.5, 2], [1, 4.5, 2]]
+    hole = np.array([[4.0, 3.0, 2.8], [5.0, 3.0, 2.8], [5.0, 3.0, 3.6], [4.0, 3.0, 3.6]])
+    return case_of(
+        layer("floor", Lambertian(0.3), floor),
+        layer("roof", Lambertian(0.7), *roofs),
+        layer("walls", Lambertian(0.5), above, south, north, west, east, screen, holes=[hole]),
+        layer("glass", GLASS, hole),
+        sensors={"floors": ["floor"], "spacing": 1.0},
+    )
+
+
+@pytest.mark.parametrize("foot", [2.6, 0.0])
+def test_a_clerestory_is_a_wall_of_its_space_and_a_screen_is_none(foot):
+    """Whether its wall ends at the lower roof, or goes on below it between two parts of a room."""
+    case = clerestory(foot)
+    above = [wall for wall in walls_of(case) if wall.plane.corner[1] == pytest.approx(3)]
+    assert [(wall.facing, wall.floor) for wall in above] == [("south", 0)]
+    assert above[0].outline.area == pytest.approx(6 * 1.2)
+    assert above[0].openings.area == pytest.approx(0.8)
+    assert {wall.facing for wall in walls_of(case)} == {"east", "north", "south", "west"}
+    assert not [wall for wall in walls_of(case) if wall.plane.corner[1] == pytest.approx(4.5)]
+    tiled = TiledWalls.of(case, design(side="south", band=(2.6, 3.8)), 1, 3)
+    assert [tile.shape.area for tile in tiled.tiles] == pytest.approx([2.4, 2.4, 2.4 - 0.8])
+    assert [tile.bounds[2] for tile in tiled.tiles] == pytest.approx([2.6] * 3)
+    panes = panes_of_model(tiled.case.building)
+    mine = np.isin(panes.layer, tiled.layers)
+    assert panes.front[mine] == pytest.approx(np.tile([0.0, 1.0, 0.0], (3, 1)))
 
 
 def test_one_polygon_before_two_rooms_is_a_wall_of_each():
