@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,7 +16,7 @@ from drcmitsuba.runtime.errors import on_a_line
 if TYPE_CHECKING:
     from drcmitsuba.annual.result import Result
     from drcmitsuba.case.case import Case
-    from drcmitsuba.design.requirement import Requirement
+    from drcmitsuba.design.optimise import FacadeOptimum
     from drcmitsuba.design.search import Optimum
     from drcmitsuba.glare_year import GlareYear
     from drcmitsuba.runtime.progress import Stage
@@ -62,9 +63,6 @@ def _facade(case: Case, output: Path, stage: Stage) -> None:
     with stage("search") as done:
         optimum = search(problem, layout.search, done, layout.known(problem))
     _save_numbers(optimum, output)
-    tables = layout.tables(optimum)
-    for name, table in tables.items():
-        storage.save_csv(table, output / name)
     front = None
     if layout.design.pareto > 0 and optimum.finished:
         most = min(100.0, LOOSEST * max(layout.design.ase_limit, 5.0))
@@ -72,7 +70,13 @@ def _facade(case: Case, output: Path, stage: Stage) -> None:
         limits = [most * i / max(count - 1, 1) for i in range(count)]
         with stage("Pareto front") as done:
             front = pareto(optimum, limits, layout.search, done)
+        if front.optimum.best is not optimum.best:
+            optimum = front.optimum
+            _save_numbers(optimum, output)
         front.save(output / "pareto.csv")
+    tables = layout.tables(optimum)
+    for name, table in tables.items():
+        storage.save_csv(table, output / name)
     hard = optimum.best.hard
     title = f"{case.name}: ASE {hard.ase:.1f} %, {NAMES[problem.goal.aim]} {hard.aim:.1f} %"
     with stage("writing"):
@@ -84,8 +88,9 @@ def _facade(case: Case, output: Path, stage: Stage) -> None:
     fresh = _saved(layout.afresh(optimum, stage), output) if finished else None
     areas = {"film": hard.film_area, "panes": hard.window_area}
     _print(optimum, "best façade", fresh, areas)
-    if fresh is not None and problem.goal.requirement is not None:
-        print(_outcome(str(layout.design.standard), problem.goal.requirement, fresh))
+    if fresh is not None:
+        for line in _compared(optimum, str(layout.design.standard), fresh, layout.cuts_tiles):
+            print(line)
     if fresh is not None and layout.design.asks_glare:
         print(_glare(layout.glare_afresh(optimum, stage), hard.glare, layout.design.glare_limit))
     print(f"{optimum.evaluations} evaluations with gradients in {optimum.seconds:.1f} s")
@@ -166,15 +171,35 @@ def _glare(year: GlareYear, searched: float | None, limit: float | None) -> str:
     return f"{words}, which {held} the limit of {limit:g} %"
 
 
-def _outcome(standard: str, asked: Requirement, fresh: Result) -> str:
-    """Say whether an optimum that was simulated afresh reaches the level that was asked for."""
+def _compared(
+    optimum: FacadeOptimum, standard: str, fresh: Result, cuts_tiles: bool
+) -> Iterator[str]:
+    """Yield lines on whether an optimum that was simulated afresh has what was asked for.
+
+    Where the search has found otherwise, the tiles that were cut are told.
+    """
     from drcmitsuba.standards import Evidence, verdict
     from drcmitsuba.standards.verdict import likelihood
 
-    judged = verdict(standard, Evidence.of_result(fresh))
-    level = next(level for level in judged.levels if level.name == asked.level.name)
-    how = "reached" if level.reached else "not reached"
-    return f"{asked.title}: {how} afresh, probability {likelihood(level.probability)}"
+    goal, best = optimum.problem.goal, optimum.best
+    if goal.requirement is not None:
+        judged = verdict(standard, Evidence.of_result(fresh))
+        level = next(x for x in judged.levels if x.name == goal.requirement.level.name)
+        reached, wanted = level.reached, 0.0
+        how = "reached" if reached else "not reached"
+        title = goal.requirement.title
+        yield f"{title}: {how} afresh, probability {likelihood(level.probability)}"
+    elif goal.least is not None:
+        wanted = goal.least.aim
+        reached = fresh.metrics["sDA"]["value"] >= wanted
+    else:
+        return
+    if cuts_tiles and best.mixed and reached != (best.hard.aim >= wanted):
+        tiles = "1 tile was" if best.mixed == 1 else f"{best.mixed} tiles were"
+        yield (
+            f"the search finds otherwise: it mixes materials within a tile, and {tiles} cut in "
+            "height afresh; give more rows"
+        )
 
 
 def _print(optimum: Optimum, title: str, fresh: Result | None, areas: dict[str, float]) -> None:

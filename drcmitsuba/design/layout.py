@@ -174,6 +174,11 @@ class Layout:
         """Settings of the search."""
         return Search.of(self.design)
 
+    @property
+    def cuts_tiles(self) -> bool:
+        """Whether mixed tiles are cut where an optimum is evaluated afresh."""
+        return True
+
     def afresh(self, optimum: FacadeOptimum, stage: Stage = silent) -> Result:
         """Evaluate an optimum as a case of its own."""
         return evaluate(self.built(optimum), stage)

@@ -152,6 +152,11 @@ class ModelLayout:
         size = problem.size
         return [np.zeros(size), np.ones(size), *(np.eye(size) if size > 1 else ())]
 
+    @property
+    def cuts_tiles(self) -> bool:
+        """Whether mixed tiles are cut where an optimum is evaluated afresh; panes are not."""
+        return self.openings.walls is not None
+
     def afresh(self, optimum: FacadeOptimum, stage: Stage = silent) -> Result:
         """Evaluate an optimum by the light of other paths: its noise took no part in the search.
 

@@ -143,7 +143,8 @@ def panes_of(
 ) -> list[WallPane]:
     """Panes of a composition (tile, material) in their walls.
 
-    Materials share the area of a tile, one above the other in the order of `realise`.
+    Materials share the area of a tile, one above the other in the order of `realise`. In a wall
+    with an outer face, no pane spans two tiles.
     """
     stacks = defaultdict(list)
     for k, tile in enumerate(walls.tiles):
@@ -161,8 +162,14 @@ def panes_of(
         order = np.arange(len(stack))
         for *area, name in pieces_of(column, parts, order, list(materials), film, least):
             low, high = np.interp(area, below, z)
-            shape = shapely.intersection(shapely.box(left, low, right, high), whole)
-            panes.append(WallPane(name, walls.tiles[stack[0]].wall, shape))
+            box, wall = shapely.box(left, low, right, high), walls.tiles[stack[0]].wall
+            if not any(walls.tiles[k].depth for k in stack):
+                panes.append(WallPane(name, wall, shapely.intersection(box, whole)))
+                continue
+            for k in stack:  # each is a hole of its own
+                shape = shapely.intersection(box, walls.tiles[k].shape)
+                if not shapely.buffer(shape, -THINNEST / 2).is_empty:
+                    panes.append(WallPane(name, wall, shape, walls.tiles[k].depth))
     return panes
 
 

@@ -8,6 +8,8 @@ sensor, without gradients: if few values are free, a pattern search [2]_ by hard
 Where the least area is looked for, the aim is raised until a façade reaches its least value, and is
 a constraint like ASE from then on.
 
+Where a sweep over limits of ASE meets a better façade, the search goes on from there.
+
 References
 ----------
 .. [1] D. Kraft, "A software package for sequential quadratic programming", DFVLR-FB 88-28, 1988.
@@ -91,6 +93,11 @@ class Front:
     history: FacadeHistory
     finished: bool
 
+    @property
+    def optimum(self) -> FacadeOptimum:
+        """Best façade of all evaluations, those of the optimum before the front included."""
+        return Optimum(self.problem, self.history.best(), self.history, self.finished)
+
     def save(self, file: Path) -> None:
         """Write the points as CSV, whole or not at all."""
         table = pd.DataFrame([row(self.problem, point) for point in self.points])
@@ -141,10 +148,7 @@ def optimise(
     limit = problem.goal.ase_limit
     for i, start in enumerate(starts, 1):
         searches.append(partial(_continuation, f"start {i}", start, search, limit))
-    if problem.size <= FEW:
-        searches.append(pattern_search)
-    if problem.goal.least is not None:
-        searches.append(lower_area)
+    searches += _by_hard_numbers(problem)
     return Optimum.of(History(problem), searches, progress)
 
 
@@ -155,6 +159,10 @@ def pareto(
     progress: Progress = lambda share: None,
 ) -> Front:
     """Sweep the limit of ASE; each search starts from the best candidate so far.
+
+    Other limits lead out of local optima: where the sweep has met a façade that is better under the
+    problem's own limit, a search from there follows, so that no point of the front belies
+    `Front.optimum`.
 
     Parameters
     ----------
@@ -172,15 +180,30 @@ def pareto(
     Front
         Front of all evaluations made, also where Ctrl-C stopped the sweep.
     """
-    problem, history = optimum.problem, History(optimum.problem, list(optimum.history.steps))
+    problem, before = optimum.problem, optimum.history
+    history = History(problem, list(before.steps), before.begin)
     last = replace(search, sharpness=search.sharpness[-2:])
     searches = [
         partial(_continuation, f"ASE ≤ {limit:g} %", None, last, limit)
         for limit in sorted(limits, reverse=True)
     ]
-    finished = run(history, searches, progress)
+
+    def again(history: FacadeHistory, progress: Progress) -> None:
+        if history.best() is optimum.best:
+            return
+        _continuation("from the front", None, last, problem.goal.ase_limit, history, progress)
+        for refine in _by_hard_numbers(problem):
+            refine(history, progress)
+
+    finished = run(history, [*searches, again], progress)
     points = tuple(nondominated(problem, history.candidates))
     return Front(problem, points, history, optimum.finished and finished)
+
+
+def _by_hard_numbers(problem: FacadeProblem) -> list[LocalSearch]:
+    """Searches by hard numbers that follow those by gradients."""
+    searches: list[LocalSearch] = [pattern_search] if problem.size <= FEW else []
+    return [*searches, lower_area] if problem.goal.least is not None else searches
 
 
 def nondominated(

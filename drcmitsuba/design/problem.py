@@ -37,6 +37,8 @@ from drcmitsuba.transport.elements.state_illuminances import Illuminances
 
 AREA_TOLERANCE = 2e-3
 """Largest tolerated deviation of the panes' area, as a fraction of the required area."""
+MIXED = 0.01
+"""Share of a tile by which it counts as one of several materials [–]."""
 EQUAL = 1e-3
 """Objectives within EQUAL are one where areas are compared: in single precision they differ [%]."""
 
@@ -91,6 +93,11 @@ class FacadeCandidate(RatedCandidate):
     area_gradient: np.ndarray
     aim_gradient: np.ndarray | None = None
     glare_gradient: np.ndarray | None = None
+
+    @property
+    def mixed(self) -> int:
+        """Number of tiles of several materials, more than `MIXED` of which is not the largest."""
+        return int(np.count_nonzero(self.share.max(axis=1) < 1 - MIXED))
 
 
 @dataclass(frozen=True)

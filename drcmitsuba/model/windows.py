@@ -1,6 +1,8 @@
 """New windows in a model: panes that are cut out of its walls, and the table that lists them.
 
 A window lies in the plane of a wall. What it covers there is wall no more: light would not pass it.
+Where the wall has a second, outer face, the window's hole goes on through that face, between
+reveals of the face's material.
 """
 
 from __future__ import annotations
@@ -9,6 +11,7 @@ import csv
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +30,11 @@ SAME_PLANE = 1e-3
 GRID = 1e-6
 """Grid to which corners of cut shapes are rounded [m]."""
 CORNERS = tuple(f"{axis}{k}" for k in range(1, 5) for axis in "xyz")
-COLUMNS = ("window", "material", *CORNERS)
-"""Columns of a table of windows: a number, a name, and corners in the model's coordinates [m]."""
+COLUMNS = ("window", "material", *CORNERS, "depth")
+"""Columns of a table of windows: a number, a name, corners in the model's coordinates [m], and the
+distance of the wall's outer face [m], which may be missing where there is none."""
+DEEPEST = 1.0
+"""Largest distance between the two faces of one wall [m]."""
 MAX_BYTES = 1 << 24
 """Largest size of a table [bytes]."""
 
@@ -43,6 +49,8 @@ class NewWindow:
     """Its parts, fronts to the room, in the coordinates of the model [m], shape (quad, 4, 3)."""
     place: str
     """Words for messages."""
+    depth: float = 0.0
+    """Distance of the wall's outer face behind it [m]; 0 where the wall has one face."""
 
     @property
     def plane(self) -> Plane:
@@ -67,6 +75,9 @@ def with_windows(
 ) -> Model:
     """Cut windows out of the surfaces of a model that lie in their planes.
 
+    A window with a depth is cut out of the outer face, too. Each is a hole of its own: reveals
+    stand around it, also between windows side by side, of the material of the outer face.
+
     Parameters
     ----------
     model : Model
@@ -84,22 +95,29 @@ def with_windows(
     Raises
     ------
     InputError
-        A window lies in no wall.
+        A window lies in no wall, or no outer face at its depth.
     """
     layers = list(model.layers)
     of_plane: dict[tuple[float, ...], list[NewWindow]] = defaultdict(list)
     for window in windows:
         plane = window.plane
-        key = np.round([*plane.normal, plane.corner @ plane.normal], 4)
+        key = np.round([*plane.normal, plane.corner @ plane.normal, window.depth], 4)
         of_plane[tuple(key.tolist())].append(window)
     for mine in of_plane.values():
-        plane = mine[0].plane
-        shape = shape_in(plane, np.concatenate([window.quads for window in mine]))
-        cut = [_without(x, plane, shape) if x.role == "surface" else x for x in layers]
-        if all(new is old for new, old in zip(cut, layers, strict=True)):
-            remedy = "give corners in the plane of a wall, in the model's coordinates [m]"
-            raise InputError("model.windows", mine[0].place, "no wall lies in its plane", remedy)
-        layers = cut
+        plane, depth = mine[0].plane, mine[0].depth
+        remedy = "give corners in the plane of a wall, in the model's coordinates [m]"
+        layers = _cut_out(layers, mine, plane, "no wall lies in its plane", remedy)
+        if depth > 0:
+            outer = replace(plane, corner=plane.corner - depth * plane.normal)
+            lost = f"no outer face of the wall lies {depth:.4g} m behind it"
+            remedy = "give corners counter-clockwise from the room, and the wall's depth [m]"
+            cut = _cut_out(layers, mine, outer, lost, remedy)
+            removed = [_area_in(a, outer) - _area_in(b, outer)
+                       for a, b in zip(layers, cut, strict=True)]  # fmt: skip
+            at = int(np.argmax(removed))
+            faces_in = _in_plane(layers[at], outer)[1].sum() > 0
+            cut[at] = _joined(cut[at], _reveals(mine, plane, depth, faces_in))
+            layers = cut
     named: dict[str, list[NewWindow]] = defaultdict(list)
     for window in windows:
         named[window.name].append(window)
@@ -109,6 +127,46 @@ def with_windows(
         layer = (layers[at:] or [empty])[0]
         layers[at : at + 1] = [_joined(layer, [(w.quads, w.place) for w in mine])]
     return replace(model, layers=tuple(layer for layer in layers if len(layer.quads)))
+
+
+def _cut_out(
+    layers: Sequence[Layer], windows: Sequence[NewWindow], plane: Plane, lost: str, remedy: str
+) -> list[Layer]:
+    """Layers without what windows cover in a plane; InputError where that is nothing."""
+    shape = shape_in(plane, np.concatenate([window.quads for window in windows]))
+    cut = [_without(x, plane, shape) if x.role == "surface" else x for x in layers]
+    if all(new is old for new, old in zip(cut, layers, strict=True)):
+        raise InputError("model.windows", windows[0].place, lost, remedy)
+    return cut
+
+
+def _reveals(
+    windows: Sequence[NewWindow], plane: Plane, depth: float, faces_in: bool
+) -> list[tuple[np.ndarray, str]]:
+    """Reveals (quad, 4, 3) behind windows in a plane [m], and the place of each window.
+
+    They show their fronts to the hole, or, where the outer face shows its own to the room, their
+    backs. What two windows share stands once.
+    """
+    out, drawn = [], shapely.LineString()
+    for window in windows:
+        shape = shapely.simplify(shape_in(plane, window.quads), GRID)
+        edges = shapely.difference(shape.boundary, drawn, grid_size=GRID)
+        drawn = shapely.union(drawn, shape.boundary, grid_size=GRID)
+        quads = []
+        for line in shapely.get_parts(edges):
+            corners = shapely.get_coordinates(line)
+            for a, b in pairwise(corners):
+                left = np.array([a[1] - b[1], b[0] - a[0]]) / np.linalg.norm(b - a)
+                is_inside = shape.contains(shapely.Point((a + b) / 2 + SAME_PLANE * left))
+                if is_inside == faces_in:
+                    a, b = b, a
+                p, q = (plane.corner + x * plane.u + y * plane.v for x, y in (a, b))
+                back = depth * plane.normal
+                quads.append([p, q, q - back, p - back])
+        if quads:
+            out.append((np.array(quads), f"reveals of {window.place}"))
+    return out
 
 
 def _each_in(plane: Plane, quads: np.ndarray) -> np.ndarray:
@@ -128,6 +186,11 @@ def _in_plane(layer: Layer, plane: Plane) -> tuple[np.ndarray, np.ndarray]:
     off = np.abs((layer.quads - plane.corner) @ plane.normal).max(axis=1, initial=0.0)
     near = (length > 0) & (np.abs(along) > (1 - SAME_PLANE) * length) & (off < 2 * SAME_PLANE)
     return np.flatnonzero(near), along[near] / 2
+
+
+def _area_in(layer: Layer, plane: Plane) -> float:
+    """Area of a layer in a plane [m²]."""
+    return float(np.abs(_in_plane(layer, plane)[1]).sum())
 
 
 def material_in(layer: Layer, plane: Plane) -> Lambertian:
@@ -193,6 +256,7 @@ def rows_of(windows: Sequence[NewWindow]) -> list[dict[str, Any]]:
     return [
         {"window": k, "material": window.name}
         | dict(zip(CORNERS, np.round(quad.ravel(), 6).tolist(), strict=True))
+        | {"depth": round(window.depth, 6)}
         for k, window in enumerate(windows)
         for quad in window.quads
     ]
@@ -211,10 +275,12 @@ def read_windows(file: Path, known: Sequence[str]) -> list[NewWindow]:
     remedy = f"give a CSV file with the columns {', '.join(COLUMNS)}"
     quads: dict[str, list[np.ndarray]] = defaultdict(list)
     names: dict[str, str] = {}
+    depths: dict[str, float] = {}
     try:
         with file.open(encoding="utf-8", newline="") as lines:
             for row in csv.DictReader(lines):
                 names[row["window"]] = row["material"]
+                depths[row["window"]] = float(row.get("depth") or 0)
                 numbers = np.array([float(row[column]) for column in CORNERS])
                 quads[row["window"]].append(numbers.reshape(4, 3))
     except (KeyError, TypeError, ValueError, csv.Error) as error:
@@ -226,7 +292,7 @@ def read_windows(file: Path, known: Sequence[str]) -> list[NewWindow]:
             got = f"no pane has the material {shortened(name)}"
             raise InputError(file, "material", got, choose(name, known))
     made = [
-        NewWindow(name, np.array(quads[number]), f"{file.name}, window {number}")
+        NewWindow(name, np.array(quads[number]), f"{file.name}, window {number}", depths[number])
         for number, name in names.items()
     ]
     for window in made:
@@ -234,4 +300,7 @@ def read_windows(file: Path, known: Sequence[str]) -> list[NewWindow]:
             raise InputError(file, window.place, "a corner that is no point", "give four corners")
         if window.plane.distance(window.quads.reshape(-1, 3)) > SAME_PLANE:
             raise InputError(file, window.place, "its corners lie in no plane", "split it")
+        if not 0 <= window.depth <= DEEPEST:
+            got = f"a depth of {window.depth:g} m"
+            raise InputError(file, window.place, got, f"give 0 to {DEEPEST:g} m")
     return made

@@ -1,7 +1,8 @@
 """Walls of spaces: upright opaque surfaces of a model, plane by plane, with the space behind them.
 
 The surfaces in one plane are joined. A line just inside the plane tells which spaces lie behind
-it; what has a space on both sides is a wall between rooms, and no wall here.
+it. Spaces are known in plan: where one lies on either side, as of a wall between rooms, of a screen
+and of a clerestory above the roof of a lower part, rays tell whether the outer side is outdoors.
 """
 
 from __future__ import annotations
@@ -10,8 +11,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
+import mitsuba as mi
 import numpy as np
 import shapely
 
@@ -26,7 +29,14 @@ from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import choose, shortened
 from drcmitsuba.scene.geometry import normals, turn
-from drcmitsuba.scene.panes_of_model import side_name
+from drcmitsuba.scene.panes_of_model import (
+    AWAY,
+    OFFSET,
+    RAYS,
+    all_surfaces,
+    escaping,
+    side_name,
+)
 from drcmitsuba.scene.prepared_case import prepared
 
 sparse, csgraph = lazy.module("scipy.sparse"), lazy.module("scipy.sparse.csgraph")
@@ -124,7 +134,7 @@ def is_wall(layer: Layer) -> bool:
 
 
 def walls_of(case: Case) -> list[SpaceWall]:
-    """Walls of all spaces of a model that have no other space on their outer side."""
+    """Walls of all spaces of a model that have no space on their outer side."""
     spaces = prepared(case).spaces
     if not spaces:
         return []
@@ -191,7 +201,9 @@ def _walls_in(model: Model, surfaces: PlaneSurfaces, floors: _Floors) -> Iterato
         facing = side_name(-outward @ turn(-model.north).T, True)
         for name, floor, region in side:
             here = shapely.difference(region, beyond)
-            of_space = {i: _common(shape, here) for i, shape in shapes.items()}
+            across = common(region, beyond)
+            here = shapely.union_all([here, *_outdoors(model, surfaces, shapes, across, outward)])
+            of_space = {i: common(shape, here) for i, shape in shapes.items()}
             walls = {i: s for i, s in of_space.items() if is_wall(model.layers[i])}
             free = {}
             for i, own in walls.items():
@@ -207,6 +219,47 @@ def _walls_in(model: Model, surfaces: PlaneSurfaces, floors: _Floors) -> Iterato
             openings = shapely.difference(outline, opaque, grid_size=GRID)
             outline, openings = _turned(outline, sign), _turned(openings, sign)
             yield SpaceWall(name, floor, plane, facing, free, outline, openings)
+
+
+def _outdoors(
+    model: Model, surfaces: PlaneSurfaces, shapes: Mapping[int, Any], region: Any,
+    outward: np.ndarray,
+) -> list[Any]:  # fmt: skip
+    """Parts of a region in a plane that are wall, with the outdoors on its outer side alone.
+
+    They end at the heights at which other surfaces meet the plane, as the roof of a lower part.
+    """
+    every = common(shapely.union_all([*shapes.values()], grid_size=GRID), region)
+    if every.area <= LEAST:
+        return []
+    opaque = shapely.union_all([s for i, s in shapes.items() if is_wall(model.layers[i])])
+    plane, (left, bottom, right, top) = surfaces.plane, every.bounds
+    heights = [z for z in _heights(model, plane) if bottom < z < top]
+    parts = [
+        (part, wall.representative_point())
+        for low, high in pairwise([bottom, *heights, top])
+        for part in shapely.get_parts(common(_filled(every), shapely.box(left, low, right, high)))
+        if (wall := common(opaque, part)).area > LEAST
+    ]
+    if not parts:
+        return []
+    uv = np.array([shapely.get_coordinates(point)[0] for _, point in parts])
+    at = plane.corner + uv[:, :1] * plane.u + uv[:, 1:] * plane.v
+    scene, low, extent = all_surfaces(model, mi.variant())
+    fronts = np.repeat([outward, -outward], len(parts) * RAYS, axis=0)
+    starts = np.repeat(np.concatenate([at, at]) - low, RAYS, axis=0)
+    share = escaping(scene, starts + OFFSET * (1 + extent) * fronts, fronts).reshape(2, -1)
+    return [
+        part for (part, _), out, within in zip(parts, *share, strict=True) if out > AWAY >= within
+    ]
+
+
+def _heights(model: Model, plane: Plane) -> list[float]:
+    """Heights in a plane of all corners of surfaces that lie in it [m], rounded to 1 mm."""
+    corners = np.concatenate([layer.quads.reshape(-1, 3) for layer in model.layers]) - plane.corner
+    near = np.abs(corners @ plane.normal) < SAME_PLANE
+    heights: list[float] = np.unique(np.round(corners[near] @ plane.v, 3)).tolist()
+    return heights
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,7 +315,7 @@ def _normals(quads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return n, size
 
 
-def _common(one: Any, other: Any) -> Any:
+def common(one: Any, other: Any) -> Any:
     """Polygons that two shapes share; lines where they only touch are left out."""
     both = shapely.intersection(one, other, grid_size=GRID)
     parts = [p for p in shapely.get_parts(both) if p.geom_type == "Polygon"]

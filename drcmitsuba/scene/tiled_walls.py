@@ -3,6 +3,9 @@
 A wall of a space (`space_walls`) is cut by a grid of rows and segments of its own. Tiles are panes
 of the wall's own material: openings with fills, as panes that were drawn. Only those stay that look
 at the sky or the ground; the others are wall again. Panes that were drawn stay what they are.
+
+Where a wall has an outer face of its own (`outer_faces`), a tile lies in the inner one, and its
+hole goes on through the outer one: inside, a tile that stays wall is the wall that it was.
 """
 
 from __future__ import annotations
@@ -12,26 +15,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-import mitsuba as mi
 import numpy as np
 import shapely
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.design import Design
 from drcmitsuba.model.materials import Lambertian
-from drcmitsuba.model.windows import GRID, NewWindow, material_in, quads_in, with_windows
+from drcmitsuba.model.windows import DEEPEST, GRID, NewWindow, material_in, quads_in, with_windows
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import shortened
 from drcmitsuba.scene.facade_rectangles import between
 from drcmitsuba.scene.geometry import reversed_quads
-from drcmitsuba.scene.panes_of_model import (
-    AWAY,
-    OFFSET,
-    RAYS,
-    all_surfaces,
-    escaping,
-    panes_of_model,
-)
+from drcmitsuba.scene.outer_faces import OuterFaces
+from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.space_walls import SpaceWall, meant_walls
 
 BETWEEN = 0.5
@@ -44,8 +40,6 @@ CURVED = 3
 """Number of directions by which a wall of a space that faces one side counts as curved."""
 SAME_DIRECTION = 0.5
 """Angle within which planes have one direction [deg]."""
-THICKEST = 1.0
-"""Largest distance between two faces of one wall [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +57,8 @@ class WallTile:
     """Index of the layer that it is cut out of."""
     shape: Any
     """Piece in the wall's plane, as shapely's geometry [m]."""
+    depth: float = 0.0
+    """Distance of the wall's outer face [m]; 0 where the wall has one face."""
 
 
 class WallPane(NamedTuple):
@@ -74,6 +70,8 @@ class WallPane(NamedTuple):
     """Index of the wall."""
     shape: Any
     """In the wall's plane, as shapely's geometry [m]."""
+    depth: float = 0.0
+    """Distance of the wall's outer face [m]; 0 where the wall has one face."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +92,9 @@ class TiledWalls:
         Raises
         ------
         InputError
-            No outer wall is meant, a wall is curved or has two faces, the band misses all walls, or
-            there are more than `MOST_TILES` tiles.
+            No outer wall is meant, a wall is curved, several faces or none parallel to it stand
+            before the outdoors, the band misses all walls, or there are more than `MOST_TILES`
+            tiles.
         """
         walls = meant_walls(case, design)
         _refuse_curved(case, walls)
@@ -107,8 +106,7 @@ class TiledWalls:
         if len(tiles) > MOST_TILES:
             got, remedy = f"{len(tiles)} tiles", f"at most {MOST_TILES}: name fewer walls, or rows"
             raise InputError(case.source, "design.rows", got, remedy)
-        kept = _outdoors(_cut(case, walls, tiles), walls, tiles)
-        _refuse_two_faces(case, walls, tiles, kept)
+        kept = _with_outer_faces(case, walls, tiles)
         if not kept:
             got = f"no outdoors behind {_named(case, walls)}"
             remedy = "name outer walls in side, spaces or walls"
@@ -121,7 +119,7 @@ class TiledWalls:
 
     @property
     def area(self) -> float:
-        """Area of the walls, their panes included [m²]."""
+        """Area of the walls' inner faces, their panes included [m²]."""
         return float(sum(wall.outline.area for wall in self.walls))
 
     @property
@@ -143,7 +141,7 @@ class TiledWalls:
 
     def windows(self, panes: Sequence[WallPane]) -> list[NewWindow]:
         """Panes in the coordinates of the model."""
-        return [_window(pane.name, self.walls[pane.wall], pane.shape) for pane in panes]
+        return [_window(p.name, self.walls[p.wall], p.shape, p.depth) for p in panes]
 
     def with_windows(self, windows: Sequence[NewWindow]) -> Case:
         """Case as it was with windows of its materials."""
@@ -151,10 +149,10 @@ class TiledWalls:
         return self.drawn.with_building(model)
 
 
-def _window(name: str, wall: SpaceWall, shape: Any) -> NewWindow:
+def _window(name: str, wall: SpaceWall, shape: Any, depth: float) -> NewWindow:
     """Window whose front faces the space of its wall."""
     quads = reversed_quads(quads_in(wall.plane, shape))
-    return NewWindow(name, quads, f"window of {wall.space} ({wall.facing})")
+    return NewWindow(name, quads, f"window of {wall.space} ({wall.facing})", depth)
 
 
 def _tiles(
@@ -199,7 +197,8 @@ def _cut(case: Case, walls: Sequence[SpaceWall], tiles: Sequence[WallTile]) -> C
     layers, of_walls = case.building.layers, dict[tuple[int, int], Lambertian]()
     windows, materials = [], {}
     for tile in tiles:
-        window, key = _window(tile.name, walls[tile.wall], tile.shape), (tile.wall, tile.layer)
+        window = _window(tile.name, walls[tile.wall], tile.shape, tile.depth)
+        key = tile.wall, tile.layer
         if key not in of_walls:
             of_walls[key] = material_in(layers[tile.layer], window.plane)
         materials[tile.name] = of_walls[key]
@@ -233,33 +232,42 @@ def _refuse_curved(case: Case, walls: Sequence[SpaceWall]) -> None:
             raise InputError(case.source, "design.walls", got, remedy)
 
 
-def _refuse_two_faces(
-    case: Case, walls: Sequence[SpaceWall], tiles: Sequence[WallTile], kept: Sequence[WallTile]
-) -> None:
-    """Refuse walls with an outer face of their own: a cut would open into the wall alone."""
-    names = {tile.name for tile in kept}
+def _with_outer_faces(
+    case: Case, walls: Sequence[SpaceWall], tiles: Sequence[WallTile]
+) -> list[WallTile]:
+    """Tiles with the outdoors behind them, or behind the one outer face of their wall."""
+    at_once = {tile.name for tile in _outdoors(_cut(case, walls, tiles), walls, tiles)}
+    if len(at_once) == len(tiles):
+        return [*tiles]
+    faces = OuterFaces(case)
+    behind = {w: faces.behind(walls[w]) for w in {t.wall for t in tiles if t.name not in at_once}}
+    deep = []
+    for tile in tiles:
+        if tile.name in at_once:
+            deep.append(tile)
+        elif face := faces.only_one(walls[tile.wall], behind[tile.wall], tile.shape):
+            shape = _wide(face.shape)
+            if not shape.is_empty:
+                moved = (np.array(shape.bounds) - tile.shape.bounds)[[0, 2, 1, 3]]
+                bounds = tuple((np.array(tile.bounds) + moved).tolist())
+                deep.append(replace(tile, shape=shape, bounds=bounds, depth=face.depth))
+    kept = _outdoors(_cut(case, walls, deep), walls, deep) if deep else []
+    names = {tile.name for tile in deep}
     closed = [tile for tile in tiles if tile.name not in names]
     if not closed:
-        return
-    scene, low, extent = all_surfaces(case.building, mi.variant())
-    offset = OFFSET * (1 + extent)
-    planes = [walls[tile.wall].plane for tile in closed]
-    inside = [shapely.get_coordinates(t.shape.representative_point())[0] for t in closed]
-    at = [p.corner + x * p.u + y * p.v for p, (x, y) in zip(planes, inside, strict=True)]
-    outward = np.array([p.normal for p in planes])
-    start = np.array(at) - low + offset * outward
-    rays = mi.Ray3f(mi.Point3f(start.T), mi.Vector3f(outward.T))
-    gap = scene.ray_intersect_preliminary(rays).t.numpy()
-    near = gap < THICKEST
-    beyond = start + (np.where(near, gap, 0) + 2 * offset)[:, None] * outward
-    share = escaping(scene, np.repeat(beyond, RAYS, axis=0), np.repeat(outward, RAYS, axis=0))
-    for i in np.flatnonzero(near & (share > AWAY))[:1].tolist():
-        wall, thick = walls[closed[i].wall], float(gap[i]) + offset
-        layer = case.building.layers[closed[i].layer].name
-        got = f"{shortened(layer)} of {shortened(wall.space)} has a second face {thick:.2g} m "
-        got += "behind the first"
-        remedy = "draw one face between room and outdoors, or name other walls"
+        return kept
+    unclear = faces.unclear([walls[t.wall] for t in closed], [t.shape for t in closed])
+    if unclear is not None:
+        tile, count = closed[unclear[0]], unclear[1]
+        layer = shortened(case.building.layers[tile.layer].name)
+        got = f"{layer} of {shortened(walls[tile.wall].space)} has "
+        got += (
+            f"{count} further faces" if count > 1 else "no outer face in one plane parallel to it"
+        )
+        got += f" within {DEEPEST:g} m"
+        remedy = "draw a wall with one face, or two parallel ones, or name other walls"
         raise InputError(case.source, "design.walls", got, remedy)
+    return kept
 
 
 def _named(case: Case, walls: Sequence[SpaceWall]) -> str:

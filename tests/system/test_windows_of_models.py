@@ -195,7 +195,7 @@ def compare_with_windows(layout, year):
     problem = layout.problem(year)
     share = np.eye(3, dtype=np.float32)[[0, 1, 2, 0]]
     panes = [
-        WallPane(name, tile.wall, tile.shape)
+        WallPane(name, tile.wall, tile.shape, tile.depth)
         for name, tile in zip(FILLS, layout.openings.walls.tiles[1:3], strict=True)
     ]
     drawn = layout.openings.walls.with_windows(layout.openings.walls.windows(panes))

@@ -20,6 +20,7 @@ from drcmitsuba.design.optimise import Search, optimise, pareto
 from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.design.problem import FacadeProblem
 from drcmitsuba.design.realise import realise
+from drcmitsuba.design.search import History, Optimum
 from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
@@ -142,6 +143,25 @@ def test_the_front_of_the_least_area_has_no_facade_below_the_least_sda(year):
     front = pareto(optimise(problem, search), [30.0, 60.0], search)
     assert front.points
     assert min(point.hard.aim for point in front.points) >= 60
+
+
+def test_a_better_point_of_the_front_is_where_the_search_goes_on():
+    """From an optimum of windows all over, which a search of few steps may well end in."""
+    year = SyntheticYear(Tiles.grid(2, 2), time=60, grid=(4, 6))
+    window = Parameter("window", 0.0, 1.0, 0.5, 4)
+    problem = by_strips(year, window, ase_limit=40.0, least=LeastArea("panes", 50.0))
+    stuck = Optimum.of(History(problem), [lambda h, _: h.evaluate(np.ones(8), "stuck", 8.0)], float)
+    assert stuck.is_feasible
+    search = Search(starts=1, sharpness=(8.0,), iterations=6)
+    front = pareto(stuck, [40.0, 60.0], search)
+    within = [p.hard.value for p in front.points if p.hard.ase <= 40.0]
+    assert front.optimum.is_feasible
+    assert front.optimum.best.hard.value >= max(within) > stuck.best.hard.value
+    labels = [step.label for step in front.history]
+    assert labels[-1] == "least area"
+    start = labels.index("from the front")
+    assert front.optimum.best in front.history.candidates[start:]
+    assert np.diff([step.seconds for step in front.history]).min() >= 0
 
 
 def test_what_is_known_is_never_lost(year):

@@ -1,5 +1,7 @@
 """New windows: cut out of walls, listed in a table, read again."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -44,13 +46,14 @@ def test_the_wall_around_a_window_keeps_its_front_and_its_area():
 
 
 def test_a_table_of_windows_gives_the_same_windows_again(tmp_path):
-    made = [window(LOW), window(LOW + [-4, 0, 0], "opal")]
+    made = [window(LOW), replace(window(LOW + [-4, 0, 0], "opal"), depth=0.3)]
     rows = rows_of(made)
     pd.DataFrame(rows, columns=COLUMNS).to_csv(tmp_path / "windows.csv", index=False)
     again = read_windows(tmp_path / "windows.csv", ["glass", "opal"])
     assert [w.name for w in again] == ["glass", "opal"]
     for ours, theirs in zip(made, again, strict=True):
         assert theirs.quads == pytest.approx(ours.quads)
+        assert theirs.depth == ours.depth
 
 
 @pytest.mark.parametrize(
@@ -62,6 +65,10 @@ def test_a_table_of_windows_gives_the_same_windows_again(tmp_path):
         (lambda text: text.replace("glass", "glas"), 'no pane has the material "glas"; did you'),
         (lambda text: text.replace("0.2", "nan"), "window 0: a corner that is no point"),
         (lambda text: text.replace("7.0,0.0,0.2", "7.0,1.0,0.2"), "its corners lie in no plane"),
+        (
+            lambda text: text.replace("0.0\n", "-0.3\n"),
+            "window 0: a depth of -0.3 m; give 0 to 1 m",
+        ),
         (lambda text: "window\n\x00\n", "windows.csv: windows:"),
     ],
 )
@@ -78,6 +85,13 @@ def test_unfit_tables_are_refused_in_one_line(tmp_path, change, message):
 def test_a_window_in_no_wall_is_refused():
     with pytest.raises(InputError, match="here: no wall lies in its plane; give corners"):
         with_windows(house().building, [window(LOW + [0, -1, 0])], {"glass": GLASS})
+
+
+def test_a_window_without_its_outer_face_is_refused():
+    deep = replace(window(LOW), depth=0.3)
+    message = "no outer face of the wall lies 0.3 m behind it; give corners counter-clockwise"
+    with pytest.raises(InputError, match=message):
+        with_windows(house().building, [deep], {"glass": GLASS})
 
 
 def test_the_wall_around_a_pane_is_known_by_its_material():

@@ -1,6 +1,7 @@
 """Outer walls of models, cut into tiles: which walls, which pieces, and what is refused."""
 
 import re
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -19,7 +20,7 @@ from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.space_walls import walls_of
 from drcmitsuba.scene.tiled_walls import TiledWalls, WallPane
 from tests import ROOT
-from tests.model_rooms import case_of, house, l_room, layer, prism
+from tests.model_rooms import GLASS, case_of, house, l_room, layer, prism
 from tests.unit.model import box_room as box
 
 
@@ -132,6 +133,49 @@ def test_walls_between_rooms_are_none(tmp_path):
     assert sum(wall.outline.area for wall in tiled.walls) == pytest.approx(12 + 12 + 18)
 
 
+def clerestory(foot):
+    """Room of 6 m by 6 m: a roof at 2.6 m, and behind a wall at y = 3 m one at 3.8 m.
+
+    The wall begins at its foot [m] above the floor.
+    """
+    low, high = (2.6, 3.8)
+    floor, _, _ = prism([(0, 0), (6, 0), (6, 6), (0, 6)], low)
+    side = [[0, 0], [3, 0], [6, 0], [6, high], [3, high], [3, low], [0, low]]  # y and z
+    west = [[0, y, z] for y, z in side]
+    east = [[6, y, z] for y, z in side[::-1]]
+    south = [[6, 0, 0], [0, 0, 0], [0, 0, low], [6, 0, low]]
+    north = [[0, 6, 0], [6, 6, 0], [6, 6, high], [0, 6, high]]
+    above = [[6, 3, foot], [0, 3, foot], [0, 3, high], [6, 3, high]]
+    roofs = [[[0, y, z], [6, y, z], [6, y + 3, z], [0, y + 3, z]] for y, z in ((0, low), (3, high))]
+    screen = [[1, 4.5, 0], [3, 4.5, 0], [3, 4.5, 2], [1, 4.5, 2]]
+    hole = np.array([[4.0, 3.0, 2.8], [5.0, 3.0, 2.8], [5.0, 3.0, 3.6], [4.0, 3.0, 3.6]])
+    return case_of(
+        layer("floor", Lambertian(0.3), floor),
+        layer("roof", Lambertian(0.7), *roofs),
+        layer("walls", Lambertian(0.5), above, south, north, west, east, screen, holes=[hole]),
+        layer("glass", GLASS, hole),
+        sensors={"floors": ["floor"], "spacing": 1.0},
+    )
+
+
+@pytest.mark.parametrize("foot", [2.6, 0.0])
+def test_a_clerestory_is_a_wall_of_its_space_and_a_screen_is_none(foot):
+    """Whether its wall ends at the lower roof, or goes on below it between two parts of a room."""
+    case = clerestory(foot)
+    above = [wall for wall in walls_of(case) if wall.plane.corner[1] == pytest.approx(3)]
+    assert [(wall.facing, wall.floor) for wall in above] == [("south", 0)]
+    assert above[0].outline.area == pytest.approx(6 * 1.2)
+    assert above[0].openings.area == pytest.approx(0.8)
+    assert {wall.facing for wall in walls_of(case)} == {"east", "north", "south", "west"}
+    assert not [wall for wall in walls_of(case) if wall.plane.corner[1] == pytest.approx(4.5)]
+    tiled = TiledWalls.of(case, design(side="south", band=(2.6, 3.8)), 1, 3)
+    assert [tile.shape.area for tile in tiled.tiles] == pytest.approx([2.4, 2.4, 2.4 - 0.8])
+    assert [tile.bounds[2] for tile in tiled.tiles] == pytest.approx([2.6] * 3)
+    panes = panes_of_model(tiled.case.building)
+    mine = np.isin(panes.layer, tiled.layers)
+    assert panes.front[mine] == pytest.approx(np.tile([0.0, 1.0, 0.0], (3, 1)))
+
+
 def test_one_polygon_before_two_rooms_is_a_wall_of_each():
     """The house's southern wall is one polygon; its rooms are the parts of the floor."""
     tiled = TiledWalls.of(house(), design(side="south", walls=("walls",)), 1, 2)
@@ -193,17 +237,76 @@ def test_windows_become_panes_of_their_material_beside_those_that_are_there():
     assert all((areas(x.quads) > 0).all() for x in built.building.layers)
 
 
-def thick(gap):
-    """Room with a second face of walls around it, at a distance [m]."""
+def shell(e, slant=0.0):
+    """Faces of a body around the room `thick`, at a distance, its southern one slanted [m]."""
+    low = [(-e, -e - slant), (4 + e, -e), (4 + e, 3 + e), (-e, 3 + e)]
+    base, top, outer = prism(low, 3.0 + e)
+    return [base, top, *outer]
+
+
+def thick(*gaps, slant=0.0):
+    """Room with further faces around it, at distances [m]; the southern ones are slanted."""
     floor, ceiling, walls = prism([(0, 0), (4, 0), (4, 3), (0, 3)], 3.0)
-    e = gap
-    base, top, outer = prism([(-e, -e), (4 + e, -e), (4 + e, 3 + e), (-e, 3 + e)], 3.0 + e)
+    shells = [polygon for gap in gaps for polygon in shell(gap, slant)]
     return case_of(
         layer("floor", Lambertian(0.3), floor),
         layer("plaster", Lambertian(0.7), ceiling, *walls),
-        layer("brick", Lambertian(0.3), base, top, *outer),
+        layer("brick", Lambertian(0.3), *shells),
         sensors={"floors": ["floor"], "spacing": 1.0},
     )
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_hole_goes_on_through_the_outer_face_between_reveals(turned):
+    """Two tiles of 2 m by 1 m side by side, 0.3 m deep: one sheet stands between them.
+
+    The outer face shows its back to the outdoors, or its front when turned; so do the reveals.
+    """
+    case = thick(0.3)
+    if turned:
+        floor, plaster, brick = case.building.layers
+        brick = replace(brick, quads=brick.quads[:, ::-1])
+        case = case.with_building(replace(case.building, layers=(floor, plaster, brick)))
+    tiled = TiledWalls.of(case, design(side="south", band=(1.0, 2.0)), 1, 2)
+    assert [tile.depth for tile in tiled.tiles] == pytest.approx([0.3, 0.3])
+    assert [tile.shape.area for tile in tiled.tiles] == pytest.approx([2, 2])
+    assert tiled.area == pytest.approx(12)
+    before, after = box.area_of(case.building.layers), box.area_of(tiled.case.building.layers)
+    wall, brick = ("plaster", "surface"), ("brick", "surface")
+    assert after[wall] == pytest.approx(before[wall] - 4)
+    edges = 4 * 2 + 3 * 1
+    assert after[brick] == pytest.approx(before[brick] - 4 + 0.3 * edges)
+    (bricks,) = [x for x in tiled.case.building.layers if x.name == "brick"]
+    n = np.cross(bricks.quads[:, 1] - bricks.quads[:, 0], bricks.quads[:, 2] - bricks.quads[:, 0])
+    y = bricks.quads[:, :, 1]
+    is_reveal = (np.ptp(y, axis=1) > 0.1) & (y.max(axis=1) < 0.01)
+    middle = bricks.quads[is_reveal].mean(axis=1)[:, [0, 2]] - [2, 1.5]
+    around = np.abs(middle).max(axis=1) > 0.4  # all but the sheet between the tiles
+    assert is_reveal.sum() == 7
+    along = np.einsum("qi,qi->q", middle, n[is_reveal][:, [0, 2]])[around]
+    assert (along < 0 if turned else along > 0).all()
+    panes = panes_of_model(tiled.case.building)
+    assert panes.outside[np.isin(panes.layer, tiled.layers)].all()
+    refuse_leaks(tiled.case)
+
+
+def test_a_window_ends_where_its_outer_face_does():
+    """The outer face has a niche of 2 m² behind the middle of the wall."""
+    case = thick(0.3)
+    floor, plaster, brick = case.building.layers
+    south = [[-0.3, -0.3, 0], [-0.3, -0.3, 3.3], [4.3, -0.3, 3.3], [4.3, -0.3, 0]]
+    at = np.flatnonzero((np.abs(brick.quads[:, :, 1] + 0.3) < 1e-6).all(axis=1))
+    rest = [quad for i, quad in enumerate(brick.quads) if i not in at]
+    hole = np.array([[1.0, -0.3, 0.5], [1.0, -0.3, 2.5], [2.0, -0.3, 2.5], [2.0, -0.3, 0.5]])
+    niche = [
+        [a, b, b + [0, 0.2, 0], a + [0, 0.2, 0]]
+        for a, b in zip(hole, np.roll(hole, 1, axis=0), strict=True)
+    ]
+    brick = layer("brick", brick.material, south, *rest, *niche, hole + [0, 0.2, 0], holes=[hole])
+    case = case.with_building(replace(case.building, layers=(floor, plaster, brick)))
+    tiled = TiledWalls.of(case, design(side="south", band=(0.5, 2.5)), 1, 1)
+    (tile,) = tiled.tiles
+    assert tile.shape.area == pytest.approx(8 - 2)
 
 
 def round_room(sides):
@@ -226,7 +329,8 @@ def test_facets_of_a_polygon_are_walls_of_their_own():
 @pytest.mark.parametrize(
     ("case", "keys", "message"),
     [
-        (lambda: thick(0.3), {}, '"plaster" of "floor" has a second face 0.3 m behind the first'),
+        (lambda: thick(0.1, 0.3), {}, '"plaster" of "floor" has 2 further faces within 1 m'),
+        (lambda: thick(0.3, slant=0.2), {"side": "south"}, "has no outer face in one plane"),
         (lambda: round_room(32), {}, '"drum" of "floor" bends to'),
         (lambda: round_room(4), {"side": "south-west"}, "no outer wall faces south-west"),
         (house, {"walls": ("brick*",)}, 'design.walls: none is called "brick*"; choose from'),
