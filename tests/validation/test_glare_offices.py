@@ -13,7 +13,7 @@ import pytest
 from drcmitsuba_plugins.sampling import disk_solid_angle
 
 from drcmitsuba.case.reading import load_case
-from drcmitsuba.glare_year import glare, state
+from drcmitsuba.glare_year import glare, place
 from drcmitsuba.picture.glare import glare as find_glare
 from drcmitsuba.rendering import prepare
 from drcmitsuba.runtime import backend
@@ -30,7 +30,7 @@ pytestmark = [
 
 @pytest.fixture
 def _mirrored_suns_light_eyes_alone(monkeypatch):
-    mirrored, of_surfaces, eyes = Deposit._mirrored_suns, state._of_surfaces, [True]
+    mirrored, of_surfaces, eyes = Deposit._mirrored_suns, place.light_of_surfaces, [True]
 
     def seen(self, p, n, key, *rest):
         counts = eyes[0] and key[0] is Stream.SENSORS
@@ -44,7 +44,7 @@ def _mirrored_suns_light_eyes_alone(monkeypatch):
             eyes[0] = True
 
     monkeypatch.setattr(Deposit, "_mirrored_suns", seen)
-    monkeypatch.setattr(state, "_of_surfaces", without)
+    monkeypatch.setattr(place, "light_of_surfaces", without)
 
 
 def office(folder, files, sensors, period='calendar = "LM-83"\nhours = [6, 20]'):
@@ -68,13 +68,13 @@ def deviations(folder, name, files, sensors):
     hours = glare(office(folder, files, sensors)).hours.isel(state=0)
     stamps = hours["time"].dt
     keys = zip(*(getattr(stamps, k).values.tolist() for k in ("month", "day", "hour")), strict=True)
-    place = {key: i for i, key in enumerate(keys)}
+    row = {key: i for i, key in enumerate(keys)}
     of_E, of_dgp = [], []
     for v in range(3):
         text = (OFFICE / "reference" / f"{name}_v{v + 1}_refrt.tsv").read_text()
-        rows = list(csv.DictReader(text.splitlines(), delimiter="\t"))
-        at = [place[int(r["month"]), int(r["day"]), int(float(r["hour"]))] for r in rows]
-        E, dgp = (np.array([float(r[k]) for r in rows]) for k in ("illum", "dgp"))
+        lines = list(csv.DictReader(text.splitlines(), delimiter="\t"))
+        at = [row[int(r["month"]), int(r["day"]), int(float(r["hour"]))] for r in lines]
+        E, dgp = (np.array([float(r[k]) for r in lines]) for k in ("illum", "dgp"))
         of_E.append(abs(hours["illuminance"].values[at, v] / E - 1).mean())
         of_dgp.append(abs(hours["dgp"].values[at, v] - dgp).mean())
     return np.mean(of_E), np.mean(of_dgp)
