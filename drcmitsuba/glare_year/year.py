@@ -5,14 +5,14 @@ angle ω_s and position index P_s of the glare sources [1]_,
 
 .. math:: DGP = c_1 E_v + c_2 \log_{10}(1 + \sum_s L_s^2 ω_s / (E_v^{1.87} P_s^2)) + c_3 .
 
-The rays of an eye are traced once for each number of a fill of an opening, and every state of the
-façade is a sum of what they see and of light by element (`by_element`). What a ray sees through
-panes has the luminance of the sky's patch there, a film that of its BSDF, a surface that of its
-illuminance. The suns' disks are sources of their own. The replicates of C give E_v and the
-surfaces, and with them DGP, an error.
+Where several groups of panes close, the rays of an eye are traced once for each number of a fill,
+and every state of the façade is a sum of what they see and of light by element (`by_element`). What
+a ray sees through panes has the luminance of the sky's patch there, a film that of its BSDF, a
+surface that of its illuminance. The suns' disks are sources of their own. The replicates of C give
+E_v and the surfaces, and with them DGP, an error.
 
-A case with one state is simulated as a whole, and so is one whose light no sum over elements holds,
-state by state (`state`).
+A case with one group, or with none, is simulated state by state (`state`), and so is one whose
+light no sum over elements holds.
 
 References
 ----------
@@ -155,7 +155,8 @@ def _sampler(case: Case, light: Daylight, looking: Eyes, rule: Rule, run: Run) -
     groups = prepared(case).groups.states
     if not any(groups.closable):
         return StateSampler(case, light, looking, rule, run, (OPEN,))
-    if not isinstance(case.sun, Adaptive) and not groups_with_surfaces(case):
+    is_sum = not isinstance(case.sun, Adaptive) and not groups_with_surfaces(case)
+    if is_sum and len(groups) > 1:  # one group has few states, and leaves out nothing
         panes = openings_of(case)
         facades = FacadesOfCase(case, panes, light, run).of({})
         return ElementSampler(ElementTracing(case, panes, light, run), facades, looking, rule)

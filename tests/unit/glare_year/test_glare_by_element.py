@@ -107,6 +107,7 @@ def test_any_combination_of_states_is_that_of_a_simulation(office, light):
     assert not light.notes[-1].startswith("up to")  # no eye looks through two openings
 
 
+@pytest.mark.slow
 def test_no_choice_is_the_case_itself(office):
     view = {"window": office.views["window"]}
     case = finer(office.with_tables(views=view), replicates=2, paths=8)
@@ -169,7 +170,8 @@ def test_a_film_beside_glass_glows_in_all_states(tmp_path):
     shade = '[shading]\nmaterial = "cloth"\n' + FABRICS
     film = FILM.format(file=klems(tmp_path, lifted=0.4)) + EAST.replace("glass", "film")
     case = finer(case_in(tmp_path, more=film + shade, times=TIMES))
-    ours, theirs = drcmitsuba.glare(case), simulated(case, "open", "shaded")
+    ours = drcmitsuba.glare_elements(case).evaluate()
+    theirs = simulated(case, "open", "shaded")
     assert ours.states == ("open", "shaded", "applied")
     for state in ("open", "shaded"):
         agree(ours.hours.sel(state=state), theirs.hours.sel(state=state))
@@ -190,7 +192,8 @@ def test_a_model_is_as_its_states(tmp_path):
     (tmp_path / "model.toml").write_text(text)
     case = finer(drcmitsuba.load_case(tmp_path / "model.toml"))
     assert case.views == office.views
-    ours, theirs = drcmitsuba.glare(case), simulated(case, "open", "shaded")
+    ours = drcmitsuba.glare_elements(case).evaluate()
+    theirs = simulated(case, "open", "shaded")
     for state in ("open", "shaded"):
         agree(ours.hours.sel(state=state), theirs.hours.sel(state=state))
 
