@@ -16,7 +16,8 @@ from drcmitsuba.case.spaces import with_tables
 from drcmitsuba.case.sun import Adaptive, check_sun
 from drcmitsuba.case.uses import with_uses
 from drcmitsuba.model.materials import BsdfMaterial, Lambertian
-from drcmitsuba.model.windows import read_windows, with_windows
+from drcmitsuba.model.window_table import read_windows
+from drcmitsuba.model.windows import with_windows
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import checked, is_file, read_toml
 

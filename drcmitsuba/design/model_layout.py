@@ -36,7 +36,7 @@ from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.design.problem import FacadeProblem
 from drcmitsuba.design.requirement import asked_of
 from drcmitsuba.design.wall_picture import wall_picture
-from drcmitsuba.model.windows import COLUMNS, rows_of
+from drcmitsuba.model.window_table import COLUMNS, rows_of
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.runtime.random_streams import Stream, case_seed

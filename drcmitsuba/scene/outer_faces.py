@@ -21,14 +21,9 @@ from drcmitsuba.model.space import space_at
 from drcmitsuba.model.windows import DEEPEST, GRID, SAME_PLANE, shape_in
 from drcmitsuba.scene.panes_of_model import AWAY, OFFSET, RAYS, all_surfaces, escaping
 from drcmitsuba.scene.prepared_case import prepared
-from drcmitsuba.scene.space_walls import (
-    INSIDE,
-    PlaneSurfaces,
-    SpaceWall,
-    common,
-    is_wall,
-    upright_planes,
-)
+from drcmitsuba.scene.space_walls import SpaceWall
+from drcmitsuba.scene.upright_planes import PlaneSurfaces, common, is_wall, upright_planes
+from drcmitsuba.scene.wall_sides import INSIDE
 
 NEAREST = 0.01
 """Least distance between the two faces of one wall [m]."""

@@ -8,14 +8,8 @@ import pytest
 
 from drcmitsuba.model.materials import Lambertian
 from drcmitsuba.model.polygon import area_vector
-from drcmitsuba.model.windows import (
-    COLUMNS,
-    NewWindow,
-    materials_around,
-    read_windows,
-    rows_of,
-    with_windows,
-)
+from drcmitsuba.model.window_table import COLUMNS, read_windows, rows_of
+from drcmitsuba.model.windows import NewWindow, materials_around, with_windows
 from drcmitsuba.runtime.errors import InputError
 from tests.model_rooms import GLASS, house
 from tests.unit.model import box_room as box
