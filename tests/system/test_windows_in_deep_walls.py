@@ -5,6 +5,8 @@ of its tiles, what a table of windows draws, and what a file of Radiance draws w
 faces and reveals between them, have to be one light.
 """
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 import pytest
 
@@ -119,4 +121,8 @@ def test_shares_are_windows_that_are_drawn_in_both_faces(layout):
     walls = layout.openings.walls
     assert walls.area == pytest.approx(12)  # by the inner face
     assert [tile.depth for tile in walls.tiles] == pytest.approx([DEEP] * 4)
-    compare_with_windows(layout, layout.year())
+    year = layout.year()
+    closed = np.array([[name == "wall" for name in year.materials]] * 4, np.float32)
+    dark = year.illuminance(mi.TensorXf(closed))
+    assert dr.all(dark.open.array == 0)  # the sun on outer reveals does not shine in
+    compare_with_windows(layout, year)

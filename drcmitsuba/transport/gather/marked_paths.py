@@ -16,7 +16,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.runtime import lazy
-from drcmitsuba.runtime.flat_arrays import add_at
+from drcmitsuba.runtime.flat_arrays import add_at, flat_indices
 from drcmitsuba.transport.cells.cells import Cells
 from drcmitsuba.transport.gather.blocks import Gathered, Met
 
@@ -83,7 +83,17 @@ class MarkedPaths:
 
     @cached_property
     def _blocks(self) -> tuple[mi.UInt32, int]:
-        return self.cells.blocks(BLOCK)
+        """Block of every cell, and their number.
+
+        Cells that no path without a mark meets have blocks of their own: they lie beyond openings,
+        as outer reveals do beside a sill, and their light must not enter by closed openings.
+        """
+        block, _ = self.cells.blocks(BLOCK)
+        within = dr.zeros(mi.UInt32, self.cells.count)
+        for _, met in self._met():
+            dr.scatter(within, 1, met.cell, (met.mark == 0) & (met.weight > 0))
+        kinds, number = np.unique((2 * block + within).numpy(), return_inverse=True)
+        return flat_indices(number), len(kinds)
 
     @property
     def blocks(self) -> int:
