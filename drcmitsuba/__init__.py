@@ -11,8 +11,7 @@ sky, weather, period, coefficients, accumulate
 elements, controlled, lights
     Light by opening and fill, and any façade from it; E of a control; who lights a point.
 glare, glare_elements, view_distances
-    DGP of every view at every time stamp, and of any façade from what is seen by opening and fill;
-    how far points see beyond clear openings.
+    DGP by view and time stamp, of any façade too; how far points see beyond clear openings.
 
 Other rooms are imported when asked for. Importing the package makes its Mitsuba plugins known.
 """

@@ -37,7 +37,15 @@ from drcmitsuba.sky.daylight import daylight
 
 @dataclass(frozen=True, repr=False)
 class GlareElements:
-    """What eyes see, and the light at them, by element, an opening with one fill."""
+    """What eyes see, and the light at them, by element, an opening with one fill.
+
+    Examples
+    --------
+    >>> import drcmitsuba
+    >>> seen = drcmitsuba.glare_elements("desk.toml")
+    >>> seen.evaluate({"south": "shade"}).share(0.40).dims
+    ('state', 'view')
+    """
 
     facades: FacadesOfCase
     looking: Eyes
@@ -134,10 +142,8 @@ def glare_elements(
     Examples
     --------
     >>> import drcmitsuba
-    >>> seen = drcmitsuba.glare_elements("corner_office.toml", fills=["hole"])
-    >>> year = seen.evaluate({"south": "hole"})
-    >>> year.share(0.40).dims
-    ('state', 'view')
+    >>> drcmitsuba.glare_elements("desk.toml", fills=["hole"]).fills
+    {'south': ('glass', 'shade', 'hole')}
     """
     case = case if isinstance(case, Case) else load_case(case)
     backend.select()

@@ -63,10 +63,11 @@ class PlaceInFacade:
         """
         known, frames = self.known, eyes.frames[self.views]
         out = np.zeros((len(self.views), len(times)))
-        shining = known.may_exceed(rule.least)[times]
         whole = known.is_whole[times]
         tiles = known.seen.tiles.opened(rule.opening)
-        step = max(64, LUMINANCES // len(tiles.rays))
+        count = len(tiles.rays)  # 0 where nothing is ever bright
+        shining = known.may_exceed(rule.least)[times] & (count > 0)
+        step = max(64, LUMINANCES // max(1, count))
         for kind, is_mixed in ((shining & whole, False), (shining & ~whole, True)):
             some = np.flatnonzero(kind)
             for start in range(0, len(some), step):

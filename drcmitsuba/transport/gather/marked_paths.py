@@ -88,7 +88,9 @@ class MarkedPaths:
         Cells that no path without a mark meets have blocks of their own: they lie beyond openings,
         as outer reveals do beside a sill, and their light must not enter by closed openings.
         """
-        block, _ = self.cells.blocks(BLOCK)
+        block, count = self.cells.blocks(BLOCK)
+        if count == 0:
+            return block, 0
         within = dr.zeros(mi.UInt32, self.cells.count)
         for _, met in self._met():
             dr.scatter(within, 1, met.cell, (met.mark == 0) & (met.weight > 0))
