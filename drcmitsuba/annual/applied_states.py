@@ -40,11 +40,10 @@ def applied_states(case: Case, light: Daylight, run: Run) -> FacadeStates | None
     marked = attributes(case, light, run.enabled_effects)
     if not marked["has_shade"]:
         return None
-    only_sun = replace(run.enabled_effects, sky=False, ground=False, depth=0, solved_cells=False)
     with run.timed("sun on the sensors") as done:
         C = transport(
             case, OPEN, light.suns, light.sky.attrs["latitude"], progress=done,
-            run=replace(run, enabled_effects=only_sun),
+            run=replace(run, enabled_effects=run.enabled_effects.only_sun),
         )  # fmt: skip
     direct = illuminance.direct_sun(Coefficients(C.assign_attrs(marked)), light.sky)
     return FacadeStates.of(marked, direct)

@@ -35,7 +35,7 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.runtime.threads import one_blas_thread
-from drcmitsuba.scene.fills import Fills, drawn_in, effects_of, openings_of
+from drcmitsuba.scene.fills import Fills, effects_of, names_of, openings_of
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import describe, mean_and_error
@@ -69,9 +69,7 @@ class Elements:
     @property
     def fills(self) -> dict[str, tuple[str, ...]]:
         """Names of the fills by opening; the first one is what the case draws there."""
-        drawn, states = drawn_in(self.case, self.panes), self.groups.states
-        every = zip(self.openings, drawn, states, strict=True)
-        return {opening: (first, *further) for opening, first, (_, *further) in every}
+        return names_of(self.case, self.panes)
 
     def evaluate(self, choice: Choice | None = None, drawn: Choice | None = None) -> Result:
         """Evaluate a façade: E, metrics and their intervals, without tracing anything.

@@ -110,6 +110,15 @@ class GroupStates:
         """Number of every group's first state among the states of all; the number of all last."""
         return (0, *accumulate(map(len, self.states)))
 
+    @property
+    def in_step(self) -> tuple[tuple[int, ...], ...]:
+        """States of the groups with all of them in their first one, all in their next, and so on.
+
+        A group that has no more stays in its last one.
+        """
+        count = max(self.last, default=0) + 1
+        return tuple(tuple(min(k, last) for last in self.last) for k in range(count))
+
     def label(self, indices: Sequence[int]) -> State:
         """State of the façade with these states of its groups."""
         if not any(indices):

@@ -7,7 +7,7 @@ difference at the start of a stage.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -43,25 +43,15 @@ def area_constraints(
     return [edge("ineq", 1, low), edge("ineq", -1, high)]
 
 
-def ase_constraint(limit: float, at: At, start: FacadeCandidate) -> dict[str, Any]:
-    """Constraint on the smooth ASE, whose limit is lowered by hard − smooth ASE at the start."""
-    shift = start.hard.ase - start.smooth.ase
+def limit_constraint(
+    name: Literal["ase", "glare"], limit: float, at: At, start: FacadeCandidate
+) -> dict[str, Any]:
+    """Constraint on a smooth number, whose limit is lowered by hard − smooth at the start."""
+    shift = getattr(start.hard, name) - getattr(start.smooth, name)
     return {
         "type": "ineq",
-        "fun": lambda p: (limit - shift - at(p).smooth.ase) / 100,
-        "jac": lambda p: -at(p).ase_gradient / 100,
-    }
-
-
-def glare_constraint(limit: float, at: At, start: FacadeCandidate) -> dict[str, Any]:
-    """Constraint on the smooth hours of glare, whose limit is lowered as that of ASE."""
-    assert start.hard.glare is not None
-    assert start.smooth.glare is not None
-    shift = start.hard.glare - start.smooth.glare
-    return {
-        "type": "ineq",
-        "fun": lambda p: (limit - shift - at(p).smooth.glare) / 100,  # type: ignore[operator]
-        "jac": lambda p: -at(p).glare_gradient / 100,  # type: ignore[operator]
+        "fun": lambda p: (limit - shift - getattr(at(p).smooth, name)) / 100,
+        "jac": lambda p: -getattr(at(p), f"{name}_gradient") / 100,
     }
 
 

@@ -32,7 +32,7 @@ Weights = tuple[Any, Any]
 
 
 class TracedEyes(Protocol):
-    """What the eyes of a case see, by element."""
+    """Eyes of a case, and all that they see by element."""
 
     @property
     def limit(self) -> float:

@@ -76,7 +76,7 @@ class TiledLight:
     group: np.ndarray | None = None
     """Number of every element's group, −1 for none, int, shape (element,); likewise."""
     openings: LitOpenings | None = None
-    """What the light was traced by, with the eyes; None where hours of glare are not asked for."""
+    """Openings that the light was traced by, and the eyes; None where no glare is asked for."""
 
     @classmethod
     def of(
@@ -114,7 +114,7 @@ class TiledLight:
         )
 
     def eyes(self, daylight: Daylight, stage: Stage) -> TracedEyes | None:
-        """What eyes see by the same elements; None where hours of glare are not asked for."""
+        """Eyes, and what they see by the same elements; None where no glare is asked for."""
         lit = self.openings
         if lit is None:
             return None

@@ -17,7 +17,7 @@ from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.schema import channel_weights
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.transport.elements.smooth_year import SmoothYear
-from drcmitsuba.transport.elements.state_illuminances import Illuminances
+from drcmitsuba.transport.elements.state_illuminances import Illuminances, weighed
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class FacadeYear:
     daylight: Daylight | None = None
     """Daylight that the year is of; None where no standard asks for its hours."""
     eyes: TracedEyes | None = None
-    """What eyes see; None where hours of glare are not asked for."""
+    """Eyes, and all that they see; None where hours of glare are not asked for."""
 
     @classmethod
     def of(
@@ -93,11 +93,7 @@ class FacadeYear:
             No tile can have a material of `scale`.
         """
         shares, factors = self.weights(share, scale)
-        (weight, first), *others = self.channels
-        E = first.illuminance(shares, factors).scaled(weight)
-        for weight, year in others:
-            E = E.plus(year.illuminance(shares, factors).scaled(weight))
-        return E
+        return weighed((w, year.illuminance(shares, factors)) for w, year in self.channels)
 
     def weights(
         self, share: mi.TensorXf, scale: Mapping[str, mi.Float] | None = None

@@ -35,8 +35,7 @@ from drcmitsuba.design.area_search import FacadeHistory, lower_area
 from drcmitsuba.design.constraints import (
     aim_constraint,
     area_constraints,
-    ase_constraint,
-    glare_constraint,
+    limit_constraint,
 )
 from drcmitsuba.design.problem import FacadeCandidate, FacadeProblem
 from drcmitsuba.design.search import History, LocalSearch, Optimum, row, run
@@ -269,9 +268,9 @@ def _stage(
         goal.window_area, lambda p: at(p).smooth.window_area, lambda p: at(p).area_gradient
     )
     if ase_limit is not None:
-        constraints.append(ase_constraint(ase_limit, at, at(x)))
+        constraints.append(limit_constraint("ase", ase_limit, at, at(x)))
     if goal.glare_limit is not None:
-        constraints.append(glare_constraint(goal.glare_limit, at, at(x)))
+        constraints.append(limit_constraint("glare", goal.glare_limit, at, at(x)))
     if goal.least is not None and not raises_aim:
         constraints.append(aim_constraint(goal.least.aim, at, at(x)))
 

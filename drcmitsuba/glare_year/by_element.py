@@ -87,12 +87,9 @@ class ElementTracing:
         """Trace what is seen from each place by every element; see `seen_places`."""
         effects, openings = self.run.enabled_effects, self.openings
         panes = grouped_panes(self.case, effects, self.panes)
-        last = np.array(openings.last)
         scenes = [
-            scene.load(
-                self.case, openings.label(np.minimum(k, last).tolist()), -1, effects, self.panes
-            )
-            for k in range(int(last.max(initial=0)) + 1)
+            scene.load(self.case, openings.label(row), -1, effects, self.panes)
+            for row in openings.in_step
         ]
         seen_openings = SeenOpenings.of(panes, openings.starts)
         yield from seen_places(

@@ -18,7 +18,7 @@ from drcmitsuba.case.groups import APPLIED, State
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.facade_states import FacadeStates
-from drcmitsuba.scene.fills import drawn_in
+from drcmitsuba.scene.fills import names_of
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.sky.daylight import Daylight
@@ -41,25 +41,19 @@ class FacadesOfCase:
     @cached_property
     def fills(self) -> dict[str, tuple[str, ...]]:
         """Names of the fills by opening; the first one is what the case draws there."""
-        states = self.panes.states
-        every = zip(states.names, drawn_in(self.case, self.panes), states.states, strict=True)
-        return {opening: (first, *further) for opening, first, (_, *further) in every}
+        return names_of(self.case, self.panes)
 
     def of(self, choice: Choice) -> Facades:
         """Façades with a choice of fills: see `glare_by_element.GlareElements.evaluate`."""
-        time, marked = self.light.sky["time"], attributes(
-            self.case, self.light, self.run.enabled_effects
-        )  # fmt: skip
+        time = self.light.sky["time"]
+        marked = attributes(self.case, self.light, self.run.enabled_effects)
         chosen = ChosenFills.of(self.fills, choice, time.values)
         facade = ChosenFacade.of(self.case, self.panes, (), marked, time, chosen, {})
         moving, out = facade.moving.states, dict[State, np.ndarray]()
         stamps = len(time)
         if not chosen.hourly:
-            last = np.array(moving.last, int)
-            for k in range(int(last.max(initial=0)) + 1):
-                row = np.minimum(k, last)
-                shares = facade.shares(np.tile(row, (stamps, 1)))
-                out.setdefault(moving.label(row.tolist()), shares)
+            for row in moving.in_step:
+                out.setdefault(moving.label(row), facade.shares(np.tile(row, (stamps, 1))))
         if facade.moving.groups:
             indices = self._indices(facade) if choice else self._as_case(facade)
             out[APPLIED] = facade.shares(indices)
@@ -87,9 +81,7 @@ class FacadesOfCase:
     @cached_property
     def _sun(self) -> tuple[LightByElement, ...]:
         """Sun on the sensors by element, in which nothing else is simulated."""
-        effects = replace(
-            self.run.enabled_effects, sky=False, ground=False, depth=0, solved_cells=False
-        )
+        effects = self.run.enabled_effects.only_sun
         accuracy = self.run.accuracy(self.case, len(prepared(self.case).receivers))
         kept = next(n for n in range(2, accuracy.replicates + 1) if accuracy.replicates % n == 0)
         with self.run.timed("sun on the sensors") as done:

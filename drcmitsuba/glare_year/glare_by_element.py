@@ -37,7 +37,7 @@ from drcmitsuba.sky.daylight import daylight
 
 @dataclass(frozen=True, repr=False)
 class GlareElements:
-    """What eyes see, and the light at them, by element, an opening with one fill.
+    """Views of eyes, and the light at them, by element, an opening with one fill.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What is seen from one place of eyes, and the sums over its glare sources in any façade."""
+"""View from one place of eyes, and the sums over its glare sources in any façade."""
 
 from __future__ import annotations
 

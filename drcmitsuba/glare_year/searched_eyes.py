@@ -49,6 +49,7 @@ from drcmitsuba.schema import channel_weights
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.luminances import bright_hours
 from drcmitsuba.transport.elements.smooth_year import Rows, SmoothYear, mixed
+from drcmitsuba.transport.elements.state_illuminances import weighed
 from drcmitsuba.transport.elements.weights import BESIDES
 
 LIMIT = CLASSES["medium"]
@@ -141,10 +142,7 @@ class SearchedEyes:
         -------
         tuple of mi.TensorXf, shape (time, view)
         """
-        (weight, first), *others = self.channels
-        at_eyes = first.illuminance(shares, factors).scaled(weight)
-        for weight, year in others:
-            at_eyes = at_eyes.plus(year.illuminance(shares, factors).scaled(weight))
+        at_eyes = weighed((w, year.illuminance(shares, factors)) for w, year in self.channels)
         return tuple(
             _dgp(Ev, self._sums(own, factors, sharpness))
             for Ev, own in zip(at_eyes.states, self._of_states(shares), strict=True)

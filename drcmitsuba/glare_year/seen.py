@@ -119,7 +119,7 @@ class Seen:
 
 @dataclass(frozen=True, eq=False)
 class _Trace:
-    """What the rays of an eye meet with one fill in all openings."""
+    """Ends of the rays of an eye with one fill in all openings."""
 
     scene: Scene
     chains: Chains

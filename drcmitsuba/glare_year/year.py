@@ -162,8 +162,7 @@ def _sampler(case: Case, light: Daylight, looking: Eyes, rule: Rule, run: Run) -
         return ElementSampler(ElementTracing(case, panes, light, run), facades, looking, rule)
     taken = applied_states(case, light, run)
     assert taken is not None
-    last = np.array(groups.last)
-    each = [groups.label(np.minimum(k, last).tolist()) for k in range(last.max() + 1)]
+    each = [groups.label(row) for row in groups.in_step]
     if VARYING in taken.states:
         note = "glare with the shade applied is left out: its groups take too many states to be "
         note += "simulated one by one, and light of this case is no sum over openings"

@@ -32,6 +32,11 @@ class Plane:
         normal = normal / np.linalg.norm(normal)
         return cls(ring[0], *axes_across(normal), normal)
 
+    def points(self, uv: np.ndarray) -> np.ndarray:
+        """Points (…, 3) at places (…, 2) in the plane [m]."""
+        at: np.ndarray = self.corner + uv[..., :1] * self.u + uv[..., 1:] * self.v
+        return at
+
     def distance(self, points: np.ndarray) -> float:
         """Largest distance of points (point, 3) from the plane."""
         return float(np.abs((points - self.corner) @ self.normal).max())
@@ -53,5 +58,5 @@ class Plane:
             if part.geom_type == "Polygon" and part.area > least:
                 part = shapely.geometry.polygon.orient(part)
                 flat = (np.array(ring.coords)[:-1] for ring in (part.exterior, *part.interiors))
-                out.append(tuple(self.corner + c[:, :1] * self.u + c[:, 1:] * self.v for c in flat))
+                out.append(tuple(map(self.points, flat)))
         return out

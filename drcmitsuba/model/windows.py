@@ -152,7 +152,7 @@ def _reveals(
                 is_inside = shape.contains(shapely.Point((a + b) / 2 + SAME_PLANE * left))
                 if is_inside == faces_in:
                     a, b = b, a
-                p, q = (plane.corner + x * plane.u + y * plane.v for x, y in (a, b))
+                p, q = plane.points(np.stack([a, b]))
                 back = depth * plane.normal
                 quads.append([p, q, q - back, p - back])
         if quads:

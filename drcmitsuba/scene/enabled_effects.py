@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mitsuba as mi
@@ -53,6 +53,11 @@ class EnabledEffects:
     """Whether colour channels are simulated one by one; None does so in a coloured scene."""
     pictures: bool = True
     """Whether plots are drawn."""
+
+    @property
+    def only_sun(self) -> EnabledEffects:
+        """Direct sun alone, by which shades close."""
+        return replace(self, sky=False, ground=False, depth=0, solved_cells=False)
 
     def enabled_suns(self, suns: Suns) -> np.ndarray:
         """Whether each sun is simulated, shape (sun,); the coefficients of the others are 0."""

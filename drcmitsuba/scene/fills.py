@@ -119,6 +119,13 @@ def drawn_in(case: Case, openings: PaneGroups) -> list[str]:
     return [OPEN if name in states else name for name, states in known]
 
 
+def names_of(case: Case, openings: PaneGroups) -> dict[str, tuple[str, ...]]:
+    """Names of the fills by opening; the first one is what the case draws there."""
+    known = openings.states
+    every = zip(known.names, drawn_in(case, openings), known.states, strict=True)
+    return {opening: (first, *further) for opening, first, (_, *further) in every}
+
+
 def effects_of(openings: PaneGroups, scope: EnabledEffects, chosen: Effects) -> EnabledEffects:
     """Effects of a case, with those that its further fills call for.
 

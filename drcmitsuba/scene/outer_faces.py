@@ -120,6 +120,4 @@ class OuterFaces:
 
 def point_of(wall: SpaceWall, shape: Any) -> np.ndarray:
     """Point (3,) of a shape in a wall's plane [m]."""
-    x, y = shapely.get_coordinates(shape.representative_point())[0]
-    at: np.ndarray = wall.plane.corner + x * wall.plane.u + y * wall.plane.v
-    return at
+    return wall.plane.points(shapely.get_coordinates(shape.representative_point())[0])

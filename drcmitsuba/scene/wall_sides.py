@@ -1,4 +1,4 @@
-"""What lies on either side of an upright plane of a model: spaces, by their plans, and outdoors."""
+"""Either side of an upright plane of a model: spaces, by their plans, and outdoors."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def outdoors(
     if not parts:
         return []
     uv = np.array([shapely.get_coordinates(point)[0] for _, point in parts])
-    at = plane.corner + uv[:, :1] * plane.u + uv[:, 1:] * plane.v
+    at = plane.points(uv)
     scene, low, extent = all_surfaces(model, mi.variant())
     fronts = np.repeat([outward, -outward], len(parts) * RAYS, axis=0)
     starts = np.repeat(np.concatenate([at, at]) - low, RAYS, axis=0)

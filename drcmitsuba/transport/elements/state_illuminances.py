@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import mitsuba as mi
@@ -40,3 +40,12 @@ class Illuminances(NamedTuple):
         is_open, shaded, *others = map(change, self.states)
         direct, *by_group = map(change, (self.direct, *self.by_group))
         return Illuminances(is_open, shaded, direct, tuple(others), tuple(by_group))
+
+
+def weighed(parts: Iterable[tuple[float, Illuminances]]) -> Illuminances:
+    """Sum of illuminances times their weights, as of colour channels in luminance."""
+    (weight, first), *others = parts
+    E = first.scaled(weight)
+    for weight, other in others:
+        E = E.plus(other.scaled(weight))
+    return E
