@@ -17,6 +17,7 @@ import xarray as xr
 
 from drcmitsuba import schema
 from drcmitsuba.case.groups import OPEN, VARYING, State
+from drcmitsuba.runtime.aligned_arrays import aligned
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.zarr_folder import widened
 
@@ -144,7 +145,10 @@ def _with_labels(data: xr.Dataset, dim: str, labels: np.ndarray) -> xr.Dataset:
 
 
 def _simulated(joined: xr.Dataset, state: str) -> xr.Dataset:
-    """C of one state, with the labels that were simulated for it."""
+    """C of one state, with the labels that were simulated for it.
+
+    The device takes the replicates as they lie: each sum over a file's would copy them.
+    """
     data = joined.sel(state=state, drop=True)
     for dim, name in SAMPLED.items():
         if dim in data.dims:
@@ -152,4 +156,6 @@ def _simulated(joined: xr.Dataset, state: str) -> xr.Dataset:
             known = data[name].notnull().any(others).values
             if not known.all():  # a selection copies C
                 data = data.isel({dim: np.flatnonzero(known)})
+    own = data["replicates"].variable
+    data = data.assign(replicates=own.copy(deep=False, data=aligned(own.values)))
     return data.drop_vars("pane_group", errors="ignore") if state != OPEN else data

@@ -21,6 +21,8 @@ SUMMED = 1 << 9
 """Number of patches whose light is summed in single precision: more of them would drift."""
 FOUR = 4
 """Number of replicates whose sums are made together."""
+INDEXED = 1 << 30
+"""Largest number of coefficients that are on the device at once, 4 GiB."""
 SOURCES = ("sky", "sun", "total")
 
 
@@ -84,10 +86,14 @@ def sums_at(
         return out
     at, by_time = (flat_indices(time), flat_indices(sensor)), flat(L.T)
     bins, rows = flat_indices(patches), _rows(suns, suns.indices)
-    for start in range(0, len(C), FOUR):
-        four = [shared(C[min(r, len(C) - 1)]) for r in range(start, start + FOUR)]
-        E = _sums_at(four, bins, by_time, rows, at, (*C.shape[1:], *L.T.shape))
-        out[start : start + FOUR] = E.numpy()[: len(C) - start]
+    step = max(1, INDEXED // (FOUR * C[0].size)) * FOUR
+    for first in range(0, len(C), step):
+        part = C[first : first + step]
+        values, last = shared(part), len(part) - 1
+        for start in range(0, len(part), FOUR):
+            four = mi.Vector4u(*(dr.opaque(mi.UInt32, min(start + i, last)) for i in range(FOUR)))
+            E = _sums_at(values, four, bins, by_time, rows, at, (*C.shape[1:], *L.T.shape))
+            out[first + start : first + start + FOUR] = E.numpy()[: len(part) - start]
     return out
 
 
@@ -100,15 +106,20 @@ def _rows(suns: csr_matrix, place: np.ndarray) -> tuple[mi.UInt32, mi.UInt32, mi
 
 @symbolic
 def _sums_at(
-    C: list[mi.Float], patches: mi.UInt32, L: mi.Float, suns: tuple[mi.UInt32, mi.UInt32, mi.Float],
-    at: tuple[mi.UInt32, mi.UInt32], count: tuple[int, int, int, int],
+    C: mi.Float, four: mi.Vector4u, patches: mi.UInt32, L: mi.Float,
+    suns: tuple[mi.UInt32, mi.UInt32, mi.Float], at: tuple[mi.UInt32, mi.UInt32],
+    count: tuple[int, int, int, int],
 ) -> mi.Vector4f:  # fmt: skip
-    """E by four replicates; L is flat (patch, time), `count` are sensors, bins, patches, times."""
+    """E by four replicates; C is flat (replicate, sensor, bin), L flat (patch, time).
+
+    `four` are the replicates; `count` are sensors, bins, patches, times.
+    """
     (first, bins, luminances), (time, sensor) = suns, at
+    begin = four * dr.opaque(mi.UInt32, count[0] * count[1])
     lane = dr.arange(mi.UInt32, count[0] * count[2])
     row, patch = row_and_column(lane, count[2])
     place = row * dr.opaque(mi.UInt32, count[1]) + dr.gather(mi.UInt32, patches, patch)
-    by_patch = dr.ravel(mi.Vector4f(*(dr.gather(mi.Float, c, place) for c in C)))
+    by_patch = dr.ravel(mi.Vector4f(*(dr.gather(mi.Float, C, place + b) for b in begin)))
     dr.eval(by_patch)
     number, times = (dr.opaque(mi.UInt32, n) for n in count[2:])
     row, place, total, i = sensor * number, mi.UInt32(time), mi.Vector4d(0), mi.UInt32(0)
@@ -120,7 +131,7 @@ def _sums_at(
     entry, end = dr.gather(mi.UInt32, first, time), dr.gather(mi.UInt32, first, time + 1)
     while entry < end:
         bin = row + dr.gather(mi.UInt32, bins, entry)
-        of_sun = mi.Vector4f(*(dr.gather(mi.Float, c, bin) for c in C))
+        of_sun = mi.Vector4f(*(dr.gather(mi.Float, C, bin + b) for b in begin))
         total += of_sun * dr.gather(mi.Float, luminances, entry)
         entry += 1
     return mi.Vector4f(total)

@@ -16,8 +16,8 @@ progress
     Progress of long work.
 launch_size
     Numbers of sensors, paths, photons and shadow rays in one launch.
-flat_arrays
-    NumPy arrays on the device.
+flat_arrays, aligned_arrays
+    NumPy arrays on the device; those that it takes without a copy.
 storage, zarr_folder
     Files of results, written whole or not at all; arrays in chunks.
 folder_lock

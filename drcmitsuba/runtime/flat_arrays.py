@@ -9,18 +9,17 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import ArrayLike
 
-ALIGNMENT = 64
-"""Bytes to a multiple of which arrays begin: kernels are compiled for the alignment of an array."""
+from drcmitsuba.runtime.aligned_arrays import aligned_copy, is_aligned
 
 
 def flat(a: ArrayLike | mi.Float) -> mi.Float:
     """Numbers in single precision; those on the device stay as they are."""
-    return a if isinstance(a, mi.Float) else mi.Float(_aligned(a, np.float32))
+    return a if isinstance(a, mi.Float) else mi.Float(aligned_copy(a, np.float32).ravel())
 
 
 def flat_indices(a: ArrayLike | mi.UInt32) -> mi.UInt32:
     """Whole numbers from 0; those on the device stay as they are."""
-    return a if isinstance(a, mi.UInt32) else mi.UInt32(_aligned(a, np.uint32))
+    return a if isinstance(a, mi.UInt32) else mi.UInt32(aligned_copy(a, np.uint32).ravel())
 
 
 def shared(a: np.ndarray) -> mi.Float:
@@ -28,18 +27,7 @@ def shared(a: np.ndarray) -> mi.Float:
 
     Such an array must not change while its numbers are in use.
     """
-    begins = a.ctypes.data % ALIGNMENT == 0 and a.flags.c_contiguous and a.flags.writeable
-    return mi.Float(a.ravel()) if begins and a.dtype == np.float32 else flat(a)
-
-
-def _aligned(a: ArrayLike, dtype: type[np.generic]) -> np.ndarray:
-    """Copy an array to a flat one that begins at a multiple of `ALIGNMENT`."""
-    values = np.asarray(a)
-    memory = np.empty(values.size * np.dtype(dtype).itemsize + ALIGNMENT, np.uint8)
-    start = -memory.ctypes.data % ALIGNMENT
-    out: np.ndarray = memory[start : start + memory.size - ALIGNMENT].view(dtype)
-    out[:] = values.ravel()
-    return out
+    return mi.Float(a.ravel()) if is_aligned(a) and a.dtype == np.float32 else flat(a)
 
 
 def add_at(out: Any, values: Any, entry: mi.UInt32, active: mi.Bool | bool = True) -> None:

@@ -12,7 +12,7 @@ from tests import skips
 from tests.system.conftest import imports_mitsuba, is_ready
 from tests.system.test_cli import CASE
 
-COMMAND = [sys.executable, "-W", "error", "-m", "drcmitsuba.cli"]
+COMMAND = [sys.executable, "-W", "error", "-m", "drcmitsuba"]
 
 
 @pytest.fixture

@@ -16,6 +16,7 @@ from drcmitsuba.runtime.toml import checked, tomllib
 from tests import ROOT, radiance, skips
 from tests.hard.command_line import CommandLine
 from tests.unit.bsdf.test_bsdf_measured import measure, through
+from tests.unit.model import gbxml_building
 from tests.unit.sky.test_weather import epw, wea
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -95,6 +96,7 @@ def write_files(tmp_path):
     shutil.copy(scenes / "films" / "prism.xml", tmp_path / "film.xml")
     shutil.copy(scenes / "lamella" / "recipe.toml", tmp_path / "lamellae.toml")
     (tmp_path / "shape.obj").write_text(SHAPE)
+    gbxml_building.written(tmp_path, gbxml_building.text(gbxml_building.surfaces().values()))
     (tmp_path / "my_weather.epw").write_text("\n".join(epw()) + "\n")
     stamps = [f"3 2 {11 + minute / 60:.3f} 500 100" for minute in range(0, 120, 10)]
     place = {"latitude": "36.1", "longitude": "79.95", "time_zone": "75.0"}  # of the default year

@@ -11,6 +11,7 @@ import os
 import sys
 from contextlib import suppress
 from ctypes import wintypes
+from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -22,9 +23,12 @@ from drcmitsuba.runtime import folder_lock, machine_memory, storage
 from drcmitsuba.runtime.errors import InputError
 from tests import ROOT, skips
 
-FOLDERS = ("drcmitsuba", "plugins", "scenes")
-FILES = sorted(path for name in FOLDERS for path in (ROOT / name).rglob("*.py"))
-TREES = {path.relative_to(ROOT).as_posix(): ast.parse(path.read_text("utf-8")) for path in FILES}
+PACKAGES = (Path(find_spec(name).origin).parent for name in ("drcmitsuba", "drcmitsuba_plugins"))
+TREES = {
+    path.relative_to(folder.parent).as_posix(): ast.parse(path.read_text("utf-8"))
+    for folder in (*PACKAGES, ROOT / "scenes")
+    for path in sorted(folder.rglob("*.py"))
+}
 POSIX_ALONE = {"fcntl", "resource", "pwd", "grp", "termios", "tty", "pty", "posix", "syslog"}
 WINDOWS_ALONE = {"msvcrt", "winreg", "_winapi", "winsound"}
 LACKING = {

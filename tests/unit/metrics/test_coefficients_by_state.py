@@ -9,6 +9,7 @@ import xarray as xr
 from drcmitsuba.metrics import stored_arrays
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.runtime import storage, zarr_folder
+from drcmitsuba.runtime.aligned_arrays import is_aligned
 
 BINS = ["ground", "sky_1", "sun_a", "sun_b", "sun_c"]
 KINDS = [*itertools.product([False, True], repeat=3)]
@@ -65,3 +66,4 @@ def test_states_written_one_by_one_are_those_joined(
     for name, own in C.states.items():
         for variable in ("straight", "replicates"):
             np.testing.assert_array_equal(again.states[name][variable], own[variable])
+        assert is_aligned(again.states[name]["replicates"].values)

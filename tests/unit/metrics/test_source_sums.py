@@ -37,9 +37,10 @@ def test_blocks_of_sensors_and_pieces_of_the_sky_add_up(monkeypatch, suns, toget
 
 
 @pytest.mark.parametrize("suns", [0, 1, 4])
-@pytest.mark.parametrize("replicates", [1, REPLICATES, 6])
-def test_sums_at_some_entries_are_those_of_all(suns, replicates):
-    """Numbers of replicates that four do not divide, and entries in any order, some twice."""
+@pytest.mark.parametrize(("replicates", "indexed"), [(1, 1 << 30), (REPLICATES, 1 << 30), (6, 1)])
+def test_sums_at_some_entries_are_those_of_all(monkeypatch, suns, replicates, indexed):
+    """Replicates that four do not divide, at once or by fours; entries in any order, some twice."""
+    monkeypatch.setattr(source_sums, "INDEXED", indexed)
     C, patches, L, light = numbers(suns)
     C = (
         np.tile(C, (2, 1, 1))[:replicates]

@@ -1,0 +1,31 @@
+"""NumPy arrays that begin where the device can take them without a copy."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+ALIGNMENT = 64
+"""Bytes to a multiple of which arrays begin: kernels are compiled for the alignment of an array."""
+
+
+def is_aligned(a: np.ndarray) -> bool:
+    """Whether an array lies row by row from a multiple of `ALIGNMENT`, and may be written to."""
+    return bool(a.ctypes.data % ALIGNMENT == 0 and a.flags.c_contiguous and a.flags.writeable)
+
+
+def aligned(a: ArrayLike, dtype: type[np.generic] = np.float32) -> np.ndarray:
+    """Array of a type that is aligned: a copy, unless it is so already."""
+    values = np.asarray(a)
+    return values if values.dtype == dtype and is_aligned(values) else aligned_copy(values, dtype)
+
+
+def aligned_copy(a: ArrayLike, dtype: type[np.generic]) -> np.ndarray:
+    """Copy an array to one of a type that is aligned."""
+    values = np.asarray(a)
+    memory = np.empty(values.size * np.dtype(dtype).itemsize + ALIGNMENT, np.uint8)
+    start = -memory.ctypes.data % ALIGNMENT
+    out: np.ndarray = memory[start : start + memory.size - ALIGNMENT].view(dtype)
+    out = out.reshape(values.shape)
+    out[...] = values
+    return out
