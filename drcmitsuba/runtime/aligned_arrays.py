@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, DTypeLike
 
 ALIGNMENT = 64
 """Bytes to a multiple of which arrays begin: kernels are compiled for the alignment of an array."""
@@ -23,9 +26,14 @@ def aligned(a: ArrayLike, dtype: type[np.generic] = np.float32) -> np.ndarray:
 def aligned_copy(a: ArrayLike, dtype: type[np.generic]) -> np.ndarray:
     """Copy an array to one of a type that is aligned."""
     values = np.asarray(a)
-    memory = np.empty(values.size * np.dtype(dtype).itemsize + ALIGNMENT, np.uint8)
-    start = -memory.ctypes.data % ALIGNMENT
-    out: np.ndarray = memory[start : start + memory.size - ALIGNMENT].view(dtype)
-    out = out.reshape(values.shape)
+    out = aligned_empty(values.shape, dtype)
     out[...] = values
     return out
+
+
+def aligned_empty(shape: Sequence[int], dtype: DTypeLike) -> np.ndarray:
+    """Array of numbers without values that is aligned."""
+    size = math.prod(shape) * np.dtype(dtype).itemsize
+    memory = np.empty(size + ALIGNMENT, np.uint8)
+    start = -memory.ctypes.data % ALIGNMENT
+    return memory[start : start + size].view(dtype).reshape(shape)

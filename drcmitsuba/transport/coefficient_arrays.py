@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 from drcmitsuba_plugins.symbolic import symbolic
 
+from drcmitsuba.runtime.aligned_arrays import aligned_empty
 from drcmitsuba.runtime.flat_arrays import flat_indices, row_and_column
 from drcmitsuba.runtime.launch_size import SENSORS
 from drcmitsuba.schema import describe, positions
@@ -204,7 +205,8 @@ def _of_sensors(block: xr.Dataset, sensors: int) -> xr.Dataset:
 
     def grown(variable: xr.Variable) -> xr.Variable:
         sizes = {**variable.sizes, "sensor": sensors}
-        values = np.full([sizes[dim] for dim in variable.dims], np.nan, variable.dtype)
+        values = aligned_empty([sizes[dim] for dim in variable.dims], variable.dtype)
+        values.fill(np.nan)
         return xr.Variable(variable.dims, values, variable.attrs)
 
     variables = {
