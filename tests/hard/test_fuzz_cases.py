@@ -39,7 +39,7 @@ def load_many(folder, tally, examples):
 
 
 def test_a_case_loads_or_is_refused_in_one_line(folder, tally):
-    load_many(folder, tally, 150)
+    load_many(folder, tally, 80)
 
 
 @pytest.mark.slow
@@ -62,7 +62,7 @@ def load_shipped(tmp_path, tally, examples):
 
 
 def test_a_changed_shipped_case_loads_or_is_refused_in_one_line(tmp_path, tally):
-    load_shipped(tmp_path, tally, 80)
+    load_shipped(tmp_path, tally, 40)
 
 
 @pytest.mark.slow

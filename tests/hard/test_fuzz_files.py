@@ -67,7 +67,7 @@ def read_many(name, folder, tally, holds, examples):
 
 @pytest.mark.parametrize("name", STRATEGIES)
 def test_a_file_is_read_or_refused_in_one_line(name, folder, tally, holds):
-    read_many(name, folder, tally, holds, 6 if name in SLOW else 20)
+    read_many(name, folder, tally, holds, 4 if name in SLOW else 12)
 
 
 @pytest.mark.slow

@@ -9,6 +9,7 @@ import ast
 import re
 import sys
 from collections import defaultdict
+from functools import cache
 from graphlib import TopologicalSorter
 from importlib.util import find_spec
 from pathlib import Path
@@ -38,10 +39,17 @@ MODULES = {
 }
 
 
+@cache
+def tree(module):
+    """Syntax of a module."""
+    return ast.parse(MODULES[module].read_text(encoding="utf-8"))
+
+
+@cache
 def imports(module):
     """Modules that a module imports; of this project by their own names, others by their top."""
     names = set()
-    for node in ast.walk(ast.parse(MODULES[module].read_text(encoding="utf-8"))):
+    for node in ast.walk(tree(module)):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -116,8 +124,8 @@ def test_modules_of_transport_stand_on_few_floors():
 
 def test_a_class_name_stands_for_one_class():
     places = defaultdict(list)
-    for module, file in MODULES.items():
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+    for module in MODULES:
+        for node in ast.walk(tree(module)):
             if isinstance(node, ast.ClassDef):
                 places[node.name].append(module)
     assert {name: modules for name, modules in places.items() if len(modules) > 1} == {}
@@ -126,7 +134,7 @@ def test_a_class_name_stands_for_one_class():
 def test_a_folder_of_transport_lists_all_its_modules():
     for package in (m for m in TRANSPORT if MODULES[m].name == "__init__.py"):
         below = {m.split(".")[-1] for m in TRANSPORT if m.rpartition(".")[0] == package}
-        text = ast.get_docstring(ast.parse(MODULES[package].read_text(encoding="utf-8")))
+        text = ast.get_docstring(tree(package))
         heads = re.findall(r"^[a-z_0-9]+(?:, [a-z_0-9]+)*$", text, re.MULTILINE)
         assert {name for line in heads for name in line.split(", ")} == below, package
 

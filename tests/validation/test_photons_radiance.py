@@ -46,6 +46,7 @@ def to_sun(altitude: float, azimuth: float) -> np.ndarray:
     return np.array([[np.cos(a) * np.sin(z), np.cos(a) * np.cos(z), np.sin(a)]])
 
 
+@pytest.mark.slow
 def test_the_sun_through_a_pane(tmp_path):
     """A port that is the pane itself: light is attenuated by it once, and not lost or doubled."""
     surfaces = [*room.shell(0, 0, 0), room.casing(0), room.pane()]

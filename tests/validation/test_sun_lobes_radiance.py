@@ -45,14 +45,8 @@ def rtraced(folder, alpha, sources):
     return numbers.reshape(TIMES, -1).mean(axis=0)
 
 
-@pytest.mark.parametrize(
-    ("alpha", "within"),
-    [
-        pytest.param(0.05, 0.03, marks=pytest.mark.slow),
-        (0.15, 0.04),
-        pytest.param(0.3, 0.08, marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("alpha", "within"), [(0.05, 0.03), (0.15, 0.04), (0.3, 0.08)])
 def test_rough_mirrors_send_what_radiances_metal_sends(tmp_path, alpha, within):
     """Facets of Beckmann's distribution differ from Ward's lobe by 1, 2 and 6 %.
 

@@ -81,7 +81,7 @@ def at(interior, rho):
     "rho",
     [
         pytest.param({}, id="start", marks=pytest.mark.slow),
-        pytest.param(ELSEWHERE, id="elsewhere"),
+        pytest.param(ELSEWHERE, id="elsewhere", marks=pytest.mark.slow),
         pytest.param(dict.fromkeys(KEYS, BOUNDS[0]), id="black", marks=pytest.mark.slow),
         pytest.param(dict.fromkeys(KEYS, BOUNDS[1]), id="white"),
         pytest.param({"floor": BOUNDS[1]}, id="white floor", marks=pytest.mark.slow),
