@@ -96,7 +96,8 @@ class Design(Table):
     seed: Annotated[int, Field(ge=0, le=1 << 30)] = 0
     """Seed of the random starts."""
     glazing_transmittance: tuple[Share, Share] | None = None
-    """Range of the clear material's transmittance [–]; default: the transmittance is fixed."""
+    """Range of the clear material's transmittance [–], in a model that of all panes that may take
+    the film; default: the transmittance is fixed."""
     shade_vlt: tuple[Share, Share] | None = None
     """Range of the shade's transmittance [–]; default: the transmittance is fixed."""
 

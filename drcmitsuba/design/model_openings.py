@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
+from functools import cached_property
 
 import numpy as np
 import xarray as xr
@@ -32,11 +33,15 @@ from drcmitsuba.model.model import areas
 from drcmitsuba.plan import notes, plan
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage
+from drcmitsuba.runtime.toml import shortened
 from drcmitsuba.scene.like_panes import LikePanes, like_panes
+from drcmitsuba.scene.pane_groups import further_materials
+from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.shared_facades import SharedFacades
 from drcmitsuba.scene.tiled_walls import TiledWalls
 from drcmitsuba.sky.daylight import Daylight
+from drcmitsuba.transport.elements import LightByElement
 
 
 @dataclass(frozen=True)
@@ -104,38 +109,90 @@ class SearchedOpenings:
             )
         return SharedElements([case], light, facades, scope, channels, [notes(case)], run)
 
-    def tiled(self, shared: SharedElements, time: xr.DataArray) -> TiledLight:
+    @property
+    def clear_materials(self) -> tuple[str, ...]:
+        """Names of the clear materials that the film shares tiles with."""
+        if self.walls is not None:
+            return (self.clear,)
+        return tuple(dict.fromkeys(self.every[g].name for g in self.searched))
+
+    @cached_property
+    def names(self) -> tuple[tuple[str, ...], ...]:
+        """Names of every element's material; fills of equal values are one and have several."""
+        names = [dict[str, None]() for _ in range(self._count)]
+        for g, column, element in self._standing():
+            own = g not in self.searched or self.fills[column] == CLEAR
+            names[element][self.every[g].name if own else self.fills[column]] = None
+        for place, materials in self._closings():
+            for element, name in zip(place.further, materials, strict=False):
+                names[element][name] = None  # those of a model's own states have none
+        return tuple(map(tuple, names))
+
+    def refuse_shared(self, field: str, material: str) -> None:
+        """Refuse a material whose light is not that of elements of its own.
+
+        Raises
+        ------
+        InputError
+            No pane takes the material, it stands within rooms, or another one has its values.
+        """
+        case = self.variants[0]
+        panes, own = panes_of_model(case.building), [n for n in self.names if material in n]
+        inside = {case.building.layers[i].name for i in panes.layer[~panes.outside]}
+        others = [name for names in own for name in names if name != material]
+        if not own:
+            got, remedy = f"no pane takes {shortened(material)}", "leave it out"
+        elif material in inside:
+            got = f"{shortened(material)} stands within rooms, too"
+            remedy = "give panes to the outside a material of their own"
+        elif others:
+            got = f"{shortened(material)} and {shortened(others[0])} are the same"
+            remedy = "give one of them other values"
+        else:
+            return
+        raise InputError(case.source, field, got, remedy)
+
+    def tiled(self, channels: tuple[LightByElement, ...], time: xr.DataArray) -> TiledLight:
         """Light as tiles of a façade have it."""
-        states, columns = self.facades.panes.states, self.fills
-        starts, count = states.starts, states.starts[-1]
+        count = self._count
         place, still = np.full(count, -1), np.zeros(count, np.float32)
-        is_open, names = np.zeros(count, bool), [""] * count
+        is_open = np.zeros(count, bool)
         tile_of = {g: tile for tile, g in enumerate(self.searched)}
-        for g in range(len(self.every)):
-            fills = [starts[g] + int(rows[g].argmax()) for rows in self.facades.drawn]
-            still[fills[0]] = g not in tile_of
-            for column, (fill, name) in enumerate(zip(fills, columns, strict=True)):
-                if column == 0 and self.walls is None:
-                    continue  # panes are no wall
-                is_open[fill], names[fill] = True, name if g in tile_of else CLEAR
-                if g in tile_of:
-                    place[fill] = 3 * tile_of[g] + column
+        for g, column, element in self._standing():
+            is_open[element] = True
+            if g in tile_of:
+                place[element] = 3 * tile_of[g] + column
+            else:
+                still[element] = 1
         groups = self._groups(time)
-        by_element = {place.element: place for place in self._places()}
+        by_element = {place.element: place for place, _ in self._closings()}
         places = [] if groups is None else [*by_element.values()]
         several = groups is not None and len(groups.rule.groups) > 1
         return TiledLight(
             tiles=self._tiles(),
-            materials=columns,
-            names=tuple(names),
+            materials=self.fills,
+            names=tuple(names[0] if names else "" for names in self.names),
             as_drawn=still,
             is_open=is_open,
             closings=closing_matrices(count, places, groups),
-            channels=shared.channels,
+            channels=channels,
             groups=groups,
             group=group_of_elements(count, places) if several else None,
             place=place,
         )
+
+    @property
+    def _count(self) -> int:
+        """Number of elements."""
+        return self.facades.panes.states.starts[-1]
+
+    def _standing(self) -> Iterator[tuple[int, int, int]]:
+        """Yield panes or tile, column and element of what may stand while all is open."""
+        starts = self.facades.panes.states.starts
+        for g in range(len(self.every)):
+            for column, rows in enumerate(self.facades.drawn):
+                if column or self.walls is not None:  # panes are no wall
+                    yield g, column, starts[g] + int(rows[g].argmax())
 
     def _tiles(self) -> Tiles:
         """Tiles of walls side by side; searched panes likewise, each of 1 m height by its area."""
@@ -161,24 +218,25 @@ class SearchedOpenings:
             return None
         return FacadeGroups.of_case(case, states, time)
 
-    def _places(self) -> Iterator[Place]:
-        """Yield the elements that a group, or the shade, changes."""
+    def _closings(self) -> Iterator[tuple[Place, tuple[str, ...]]]:
+        """Yield the elements that a group, or the shade, changes, and what into, by name."""
         case, starts = self.variants[1], self.facades.panes.states.starts
-        shade, of_panes = case.shading, prepared(case).groups
+        shade, of_panes, groups = case.shading, prepared(case).groups, [*case.groups.values()]
         variants = zip(self.facades.drawn, self.facades.members, strict=True)
         for number, (drawn, members) in enumerate(variants):
             for g, row in drawn.items():
                 panes, element = self.every[g], starts[g] + int(row.argmax())
                 assert panes.quads is not None
-                if case.groups and g in members:
+                if groups and g in members:
+                    group = members[g].group
                     further = tuple(starts[g] + f for f in members[g].fills)
-                    yield Place(element, members[g].group, further)
-                elif shade is not None and not case.groups and number == 1:
+                    yield Place(element, group, further), further_materials(case, groups[group])
+                elif shade is not None and not groups and number == 1:
                     group = int(of_panes.of_quads[panes.layer][panes.quads[0]])
                     if panes.clear and group >= 0:
                         names = self.facades.panes.states.states[g]
                         closed = starts[g] + names.index(shade.material, 1)
-                        yield Place(element, group, (closed,))
+                        yield Place(element, group, (closed,)), (shade.material,)
 
 
 def _is_meant(design: Design, panes: LikePanes) -> bool:

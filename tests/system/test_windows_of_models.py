@@ -6,6 +6,8 @@ drawn into the model are a third route, and differences the second one to gradie
 """
 
 import json
+from dataclasses import replace
+from types import SimpleNamespace
 
 import drjit as dr
 import mitsuba as mi
@@ -24,6 +26,7 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
 from drcmitsuba.scene.tiled_walls import WallPane
+from tests.differences import slopes
 from tests.unit.model import box_room as box
 
 CASE = """
@@ -190,6 +193,35 @@ def test_shares_are_windows_beside_one_that_is_there(tmp_path):
     compare_with_windows(layout, layout.year())
 
 
+FREE = {"glazing_transmittance": (0.4, 0.8), "shade_vlt": (0.05, 0.3)}
+
+
+def with_transmittances(layout):
+    """Layout whose search sets the transmittances of clear glass and shade free."""
+    return replace(layout, design=layout.design.model_copy(update=FREE))
+
+
+def test_transmittances_are_those_of_windows_that_are_drawn(simulated):
+    layout, light, daylight = simulated
+    layout = with_transmittances(layout)
+    problem = layout.problem(FacadeYear.of(light, daylight))
+    fractions = {"glazing_transmittance": 0.0, "shade_vlt": 0.8}
+    window, film = np.array([0, 1, 1, 0]), np.array([0, 0, 1, 0])
+    x = problem.of_fractions({"window": window, "film": film, **fractions})
+    best = problem.evaluate(x, 8.0)
+    drawn = layout.built(SimpleNamespace(problem=problem, best=best, values=problem.named(x)))
+    assert [drawn.materials[n].transmittance for n in ("glass", "opal", "shade")] == [
+        pytest.approx(share) for share in (0.4, 0.5, 0.25)
+    ]
+    _, E = problem.illuminance(problem.values(mi.Float(x)))
+    theirs = drcmitsuba.evaluate(drawn).illuminance.transpose("time", "sensor")
+    applied = problem.measure.groups.applied(E)
+    for ours, name in ((E.open.numpy(), "total_open"), (applied, "total")):
+        total, error = theirs[name].values, theirs[f"{name}_se"].values
+        assert (abs(ours - total) > 6 * (error + 0.01 * total + 1e-3)).mean() < 0.01, name
+        assert ours.mean() == pytest.approx(total.mean(), rel=0.01), name
+
+
 def compare_with_windows(layout, year):
     """Compare a window in one tile and a film in another with an evaluation of the two."""
     problem = layout.problem(year)
@@ -212,9 +244,9 @@ def compare_with_windows(layout, year):
 
 
 def test_gradients_are_differences(simulated):
-    """Derivatives of the mean E by the shares of window and film are right to 0.1 %."""
+    """Derivatives of the mean E by shares of window and film, and by transmittances, to 0.1 %."""
     layout, light, daylight = simulated
-    problem = layout.problem(FacadeYear.of(light, daylight))
+    problem = with_transmittances(layout).problem(FacadeYear.of(light, daylight))
     x = np.random.default_rng(1).uniform(0.2, 0.8, problem.size)
 
     def mean(at):
@@ -224,10 +256,8 @@ def test_gradients_are_differences(simulated):
     free = mi.Float(x)
     dr.enable_grad(free)
     dr.backward(mean(free))
-    slopes, h = dr.grad(free).numpy(), 0.1
-    for i, e in enumerate(np.eye(problem.size)):
-        ends = [float(mean(mi.Float(x + s * h * e))[0]) for s in (1, -1)]
-        assert slopes[i] == pytest.approx((ends[0] - ends[1]) / (2 * h), rel=1e-3)
+    by_differences = slopes(lambda at: mean(mi.Float(at))[0], x, 0.1)
+    assert dr.grad(free).numpy() == pytest.approx(by_differences, rel=1e-3)
 
 
 def test_the_command_writes_windows_that_a_case_reads(run, tmp_path, monkeypatch):
@@ -261,7 +291,7 @@ def test_the_command_writes_windows_that_a_case_reads(run, tmp_path, monkeypatch
         ('parameters = "window"', "design.parameters: the tiles of a model's walls are no one"),
         ('panes = ["*"]', "design.panes: walls are searched, too"),
         ('clear = "opal"', 'design.clear: "opal" is no such material'),
-        ("shade_vlt = [0.1, 0.2]", "design.shade_vlt: the panes of a model keep their glass"),
+        ("glazing_transmittance = [0.1, 0.95]", "glazing_transmittance: up to 0.95: 0.95 + 0.1 is"),
     ],
 )
 def test_what_cannot_be_searched_is_refused_in_one_line(tmp_path, design, message):
