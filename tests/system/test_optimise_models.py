@@ -34,7 +34,7 @@ def case_of(folder, name, design=DESIGN):
 
 @pytest.mark.parametrize(
     "name",
-    slowly(MODELS, "mesh", "Radiance model with groups"),
+    slowly(MODELS, "mesh", GROUPED),
 )
 def test_a_search_is_simulations_and_finds_what_a_sweep_finds(tmp_path, name):
     case = case_of(tmp_path, name)
@@ -75,6 +75,7 @@ def agrees(applied, result):
 
 
 FREE = "glazing_transmittance = [0.3, 0.8]\nshade_vlt = [0.05, 0.3]\n"
+GROUPED = "Radiance model with groups"
 GLASS, SHADE = 0.45, 0.2
 OTHERS = (
     ("transmittance = 0.6", f"transmittance = {GLASS}"),
@@ -85,7 +86,7 @@ OTHERS = (
 )
 
 
-@pytest.mark.parametrize("name", slowly(["mesh", "Radiance model with groups"], "Radiance model with groups"))
+@pytest.mark.parametrize("name", slowly(["mesh", GROUPED], GROUPED))
 def test_transmittances_are_those_of_cases_that_have_them(tmp_path, name):
     shade = "" if SHADING in MODELS[name] else SHADING
     layout = ModelLayout.of(case_of(tmp_path, name, shade + DESIGN + FREE))
