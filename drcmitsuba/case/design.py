@@ -44,7 +44,7 @@ class Design(Table):
     with panes of a room, all directions of a model."""
     panes: Annotated[tuple[Name, ...], Field(max_length=1000)] = ()
     """Names of the materials of a model's panes that may take the film; `*` stands for any text. By
-    default all clear panes."""
+    default all clear panes, and none where walls get windows."""
     spaces: Annotated[tuple[Name, ...], Field(max_length=10_000)] = ()
     """Names of a model's spaces whose outer walls may get windows; `*` stands for any text. By
     default all spaces."""

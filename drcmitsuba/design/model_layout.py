@@ -1,4 +1,4 @@
-"""Layout of a search over a model: which panes may take the film, or which walls get windows.
+"""Layout of a search over a model: which panes may take the film, and which walls get windows.
 
 Panes of one material that face one direction are a tile, whose area the film shares with what the
 model draws there; they keep their size and place. Outer walls that `[design]` means are cut into
@@ -6,7 +6,7 @@ tiles (`scene.tiled_walls`), each of which wall, clear glass and film share, as 
 
     case ─ TiledWalls ─► drawn, clear, film: three variants of one model
          ─ SharedFacades ─► openings and fills ─► light by element ─► FacadeYear ─► FacadeProblem
-    optimum ─ panes_of ─► the model with these windows, a case of its own
+    optimum ─ built ─► the model with its windows and transmittances, a case of its own
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from drcmitsuba.design.facade_tiles import TiledLight
 from drcmitsuba.design.facade_year import FacadeYear
 from drcmitsuba.design.free_transmittances import free_transmittances, with_transmittances
 from drcmitsuba.design.goal import Goal, Minimised
-from drcmitsuba.design.model_openings import SearchedOpenings
+from drcmitsuba.design.model_openings import SearchedOpenings, meant_panes
 from drcmitsuba.design.model_windows import WindowArea, panes_of
 from drcmitsuba.design.optimise import FacadeOptimum, Search
 from drcmitsuba.design.parameters import Factor, Parameter
@@ -80,8 +80,10 @@ class ModelLayout:
             raise InputError(case.source, "design.film", got, choose(design.film, films))
         if isinstance(case.sun, Adaptive):  # its mesh would follow one composition
             case = case.with_tables(sun=TrueSun())
-        of = SearchedOpenings.of_walls if design.cuts_walls else SearchedOpenings.of_panes
-        openings = of(case, design, design.film)
+        if design.cuts_walls:
+            openings = SearchedOpenings.of_walls(case, design, design.film)
+        else:
+            openings = SearchedOpenings.of_panes(case, design.film, meant_panes(case, design))
         walls = openings.walls
         allowed = None if walls is None else WindowArea.of(case.source, design, walls)
         layout = cls(openings, design, allowed)
@@ -137,12 +139,18 @@ class ModelLayout:
         """Optimisation problem of a year."""
         window, area = Parameter.fixed("window", 1.0), None
         panes = Panes(year.tiles, year.materials, self.openings.clear, self.film)
+        whole = 0
         if self.allowed is not None:
-            window, area = self.allowed.parameter(panes.count), self.allowed.limits
+            whole = len(self.openings.panes)
+            count = panes.count - whole
+            window, area = self.allowed.parameter(count), self.allowed.limits
+            if area is not None:
+                glazed = float(year.tiles.area[count:].sum())
+                area = (area[0] + glazed, area[1] + glazed)
         of: Minimised = "panes" if area is not None and area[0] < area[1] else "film"
         goal = Goal.of(self.case, year, self.film, area, of)
         film = Parameter("film", 0.0, 1.0, 0.5, panes.count)
-        return FacadeProblem(year, Strips(panes, window, film), goal, self.factors)
+        return FacadeProblem(year, Strips(panes, window, film, whole), goal, self.factors)
 
     def known(self, problem: FacadeProblem) -> list[np.ndarray]:
         """Designs that are evaluated first: the film nowhere and everywhere, and in parts.
@@ -167,15 +175,15 @@ class ModelLayout:
 
         New windows are drawn into the model; panes take the film by their shares.
         """
-        if self.openings.walls is not None:
-            return evaluate(self.built(optimum), stage)
-        openings = self._glazed_as(optimum)
+        built = self.built(optimum)
+        if not self.openings.panes:
+            return evaluate(built, stage)
         seed = case_seed(self.case.accuracy.seed, Stream.FRESH_SEED)
-        accuracy = self.case.accuracy.model_copy(update={"seed": seed})
-        case = openings.variants[0].with_tables(accuracy=accuracy)
+        case = built.with_tables(accuracy=built.accuracy.model_copy(update={"seed": seed}))
         with stage("sky"):
             light = daylight_of(case)
-        film = optimum.best.share[:, optimum.problem.year.materials.index(self.film)]
+        openings, composition = self._panes_of(case, optimum)
+        film = composition[:, optimum.problem.year.materials.index(self.film)]
         facades = openings.facades
         _, as_drawn, covered = facades.drawn
         rows = dict(as_drawn)
@@ -187,29 +195,31 @@ class ModelLayout:
 
     def glare_afresh(self, optimum: FacadeOptimum, stage: Stage = silent) -> Any:
         """`GlareYear` of an optimum at the views of the case, as `afresh`."""
-        problem, composition = optimum.problem, optimum.best.share
+        problem = optimum.problem
         eyes, daylight = problem.year.eyes, problem.year.daylight
         assert eyes is not None
         assert daylight is not None
+        built = self.built(optimum)
         if self.openings.walls is not None:
-            return eyes.of_case(self.built(optimum), stage)
+            return eyes.of_case(built, stage)
         _, E = problem.illuminance(problem.values(mi.Float(optimum.best.x)))
-        openings = self._glazed_as(optimum)
+        openings, composition = self._panes_of(built, optimum)
         tiled, facades = openings.tiled((), daylight.sky["time"]), openings.facades
         shares = np.stack([tiled.shares(composition, k) for k in range(len(E.states))])
         of_hours = shares[problem.measure.states(E)]
         return eyes.in_facades(facades.case, facades.panes, of_hours, stage)
 
-    def _glazed_as(self, optimum: FacadeOptimum) -> SearchedOpenings:
-        """Panes with the transmittances of an optimum."""
-        case = with_transmittances(self.case, optimum.problem.factors, optimum.values)
-        return SearchedOpenings.of_panes(case, self.design, self.film)
+    def _panes_of(self, built: Case, optimum: FacadeOptimum) -> tuple[SearchedOpenings, np.ndarray]:
+        """Panes of the case of an optimum that take the film, and their composition."""
+        panes = self.openings.panes
+        openings = SearchedOpenings.of_panes(built, self.film, tuple(map(str, panes)))
+        return openings, optimum.best.share[-len(panes) :]
 
     def built(self, optimum: FacadeOptimum) -> Case:
-        """Case of an optimum whose new windows are drawn into the walls."""
-        assert self.openings.walls is not None
-        windows = self.openings.walls.windows(self._panes(optimum))
-        case = self.openings.walls.with_windows(windows)
+        """Case of an optimum with its transmittances, and with new windows in its walls."""
+        walls, case = self.openings.walls, self.case
+        if walls is not None:
+            case = walls.with_windows(walls.windows(self._panes(optimum)))
         return with_transmittances(case, optimum.problem.factors, optimum.values)
 
     def tables(self, optimum: FacadeOptimum) -> dict[str, pd.DataFrame]:
@@ -230,5 +240,6 @@ class ModelLayout:
     def _panes(self, optimum: FacadeOptimum) -> list[WallPane]:
         """Panes of an optimum in its walls."""
         assert self.openings.walls is not None
-        share, materials = optimum.best.share, optimum.problem.year.materials
-        return panes_of(self.openings.walls, share, materials, self.film)
+        walls, materials = self.openings.walls, optimum.problem.year.materials
+        share = optimum.best.share[: len(walls.tiles)]
+        return panes_of(walls, share, materials, self.film)

@@ -162,7 +162,9 @@ class FacadeProblem(RatedProblem):
         windows: list[float | None] = [None]
         least, area = self.goal.least, self.goal.window_area
         if least is not None and least.of == "panes" and area is not None:
-            windows.append(min(1.0, area[1] / float(self.year.tiles.area.sum())))
+            (count,) = (p.count for p in self.parameters if p.key == "window")
+            free, whole = (each.sum() for each in np.split(self.year.tiles.area, [count]))
+            windows.append(min(1.0, float((area[1] - whole) / free)))
         return [
             self.of_fractions({"film": film.astype(float)} | ({} if w is None else {"window": w}))
             for w in windows

@@ -18,6 +18,7 @@ from tests.system.every_room import MODELS, SHADING, write_models
 
 METRICS = "[metrics]\nsda_threshold = 600\n"
 DESIGN = '[design]\nfilm = "opal"\nstarts = 1\nsharpness = [8.0]\npareto = 0\n'
+GROUPED = "Radiance model with groups"
 FINER = "replicates = 2\npaths = 16", "replicates = 6\npaths = 128"
 
 
@@ -75,7 +76,6 @@ def agrees(applied, result):
 
 
 FREE = "glazing_transmittance = [0.3, 0.8]\nshade_vlt = [0.05, 0.3]\n"
-GROUPED = "Radiance model with groups"
 GLASS, SHADE = 0.45, 0.2
 OTHERS = (
     ("transmittance = 0.6", f"transmittance = {GLASS}"),

@@ -224,6 +224,20 @@ def test_gradients_of_strips_are_the_differences(year):
     check(problem(year, Strips(panes(year.tiles), one, film)), x)
 
 
+def test_tiles_that_are_windows_as_a_whole_have_film_alone(year):
+    window, film = Parameter("window", 0, 1, 0.5, 12), Parameter("film", 0, 1, 0.5, 18)
+    strips = Strips(panes(year.tiles), window, film, whole=6)
+    x = np.random.default_rng(3).random(30)
+    given = problem(year, strips)
+    check(given, x)
+    share = given.evaluate(x, 8.0).share
+    wall, _, opal = share[:, :3].T
+    assert (wall[12:] == 0).all()
+    assert opal[12:] == pytest.approx(x[24:], abs=1e-6)
+    for key, values in strips.values_of(share).items():
+        assert values == pytest.approx(given.named(x)[key], abs=1e-5)
+
+
 def test_gradients_of_transmittances_are_the_differences(year):
     factors = (
         Factor({"glass": 1.0}, Parameter("glazing_transmittance", 0.5, 1.5, 1.0)),
