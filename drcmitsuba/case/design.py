@@ -44,7 +44,7 @@ class Design(Table):
     with panes of a room, all directions of a model."""
     panes: Annotated[tuple[Name, ...], Field(max_length=1000)] = ()
     """Names of the materials of a model's panes that may take the film; `*` stands for any text. By
-    default all clear panes."""
+    default all clear panes, and none where walls get windows."""
     spaces: Annotated[tuple[Name, ...], Field(max_length=10_000)] = ()
     """Names of a model's spaces whose outer walls may get windows; `*` stands for any text. By
     default all spaces."""
@@ -96,7 +96,8 @@ class Design(Table):
     seed: Annotated[int, Field(ge=0, le=1 << 30)] = 0
     """Seed of the random starts."""
     glazing_transmittance: tuple[Share, Share] | None = None
-    """Range of the clear material's transmittance [–]; default: the transmittance is fixed."""
+    """Range of the clear material's transmittance [–], in a model that of all panes that may take
+    the film; default: the transmittance is fixed."""
     shade_vlt: tuple[Share, Share] | None = None
     """Range of the shade's transmittance [–]; default: the transmittance is fixed."""
 

@@ -47,8 +47,8 @@ class TracedEyes(Protocol):
     ) -> tuple[mi.TensorXf, ...]:
         """DGP (time, view) in every state; hard without a sharpness."""
 
-    def in_states(self, shares: mi.Float, state: np.ndarray, stage: Stage) -> Any:
-        """Glare by other light paths, in the state (time,) of every hour."""
+    def in_facades(self, case: Case, panes: PaneGroups, shares: np.ndarray, stage: Stage) -> Any:
+        """Glare by other light paths, with the shares (time, element) of openings of a case."""
 
     def of_case(self, case: Case, stage: Stage) -> Any:
         """Glare of a case that is drawn."""

@@ -178,6 +178,9 @@ class Strips:
     panes: Panes
     window: Parameter
     film: Parameter
+    whole: int = 0
+    """Number of tiles, the last ones, that are window as a whole, whose parameter is of the others
+    alone."""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -186,12 +189,13 @@ class Strips:
 
     def share(self, values: Values) -> mi.TensorXf:
         """Give the composition, mi.TensorXf (tile, material)."""
-        window = values[self.window.key] + dr.zeros(mi.Float, self.panes.count)
+        window = values[self.window.key] + dr.zeros(mi.Float, self.panes.count - self.whole)
+        window = dr.concat((window, dr.ones(mi.Float, self.whole))) if self.whole else window
         return self.panes.composition(window, window * values[self.film.key])
 
     def values_of(self, share: np.ndarray) -> dict[str, np.ndarray]:
-        """Values of the parameters, (tile,) each, of a composition (tile, material)."""
+        """Values of the parameters by tile of a composition (tile, material)."""
         window = 1 - share[:, self.panes.materials.index("wall")]
         film = share[:, self.panes.materials.index(self.panes.film)]
         part = np.divide(film, window, out=np.zeros_like(film), where=window > 0)
-        return {self.window.key: window, self.film.key: part}
+        return {self.window.key: window[: self.panes.count - self.whole], self.film.key: part}

@@ -21,16 +21,17 @@ from drcmitsuba.design.facade_glare import EyesOfCase, LitOpenings, TraceEyes, e
 from drcmitsuba.design.facade_maps import Panes, Strips, Window
 from drcmitsuba.design.facade_tiles import TiledLight, groups_of
 from drcmitsuba.design.facade_year import FacadeYear
+from drcmitsuba.design.free_transmittances import free_transmittances, with_transmittances
 from drcmitsuba.design.goal import Goal, Minimised
 from drcmitsuba.design.optimise import FacadeOptimum, Search
-from drcmitsuba.design.parameters import Factor, Map, Parameter
+from drcmitsuba.design.parameters import Map, Parameter
 from drcmitsuba.design.problem import FacadeProblem
 from drcmitsuba.design.realise import realise
 from drcmitsuba.design.requirement import asked_of
-from drcmitsuba.model.materials import DiffuserMaterial, GlazingMaterial, check_energy
+from drcmitsuba.model.materials import GlazingMaterial
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
-from drcmitsuba.runtime.toml import Side, checked
+from drcmitsuba.runtime.toml import Side
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
 from drcmitsuba.scene.tiled_facades import TiledFacades, refuse_structures_in_strips
 from drcmitsuba.sky.daylight import Daylight
@@ -75,7 +76,8 @@ class Layout:
         Raises
         ------
         InputError
-            The case has no `[design]`, or no default follows from its façade.
+            The case has no `[design]`, no default follows from its façade, or a transmittance
+            cannot be free, see `free_transmittances`.
         """
         design = case.design
         if design is None:
@@ -93,7 +95,7 @@ class Layout:
             remedy = "set frame = 0, and take the frames' share off the glass"
             raise InputError(case.source, f"facade.{side}.frame", got, remedy)
         clear = design.clear or _clear(case, facade)
-        _check_ranges(case, design, clear)
+        free_transmittances(case, design, (clear,))
         length, height = case.room.wall(side)
         panes = [s for s in facade.strips if s.material != "wall"]
         band = design.band or (min(s.bottom for s in panes), max(s.top for s in panes))
@@ -202,23 +204,10 @@ class Layout:
         """Case of an optimum, with its transmittances where these were free."""
         year, share = optimum.problem.year, optimum.best.share
         case = realise(self.case, self.side, year.tiles, share, year.materials, self.film)
-        materials = dict(case.materials)
-        named = _transmittances(self.case, self.design, self.clear)
-        for factor in optimum.problem.factors:
-            name, _ = named[factor.parameter.key]
-            value = float(optimum.values[factor.parameter.key][0])
-            table = materials[name].model_dump() | {"transmittance": value}
-            materials[name] = checked(type(materials[name]), table, case.source)
-        return case.with_tables(materials=materials)
+        return with_transmittances(case, optimum.problem.factors, optimum.values)
 
     def problem(self, year: FacadeYear) -> FacadeProblem:
-        """Optimisation problem of a year.
-
-        Raises
-        ------
-        InputError
-            A free transmittance belongs to a material that is no glazing or diffuser.
-        """
+        """Optimisation problem of a year."""
         assert self.case.room is not None
         wall = self.length * self.case.room.size[2]
         part = self.wwr[0] * self.case.room.size[2] / (self.band[1] - self.band[0])
@@ -231,7 +220,8 @@ class Layout:
         facade = (
             self._strips(panes, 1.0 if fills else part) if by_strips else self._window(panes, wall)
         )
-        return FacadeProblem(year, facade, goal, self._factors(year))
+        factors = free_transmittances(self.case, self.design, (self.clear,))
+        return FacadeProblem(year, facade, goal, factors)
 
     def known(self, problem: FacadeProblem) -> list[np.ndarray]:
         """Designs that are evaluated first, so that no search ends below them.
@@ -273,49 +263,6 @@ class Layout:
             dwr=Parameter("dwr", 0.0, 1.0, 0.5),
             position=Parameter("position", 0.0, 1.0, 1.0),
         )
-
-    def _factors(self, year: FacadeYear) -> tuple[Factor, ...]:
-        """Materials whose transmittance is free."""
-        factors = []
-        named = _transmittances(self.case, self.design, self.clear)
-        for key, (name, limits) in named.items():
-            material = self.case.materials.get(name)
-            is_pane = isinstance(material, GlazingMaterial | DiffuserMaterial)
-            now = material.transmittance if is_pane else 0.0  # type: ignore[union-attr]
-            if isinstance(now, tuple) or not now > 0:
-                got = f"{name or 'no shade'}: its transmittance is not known"
-                remedy = "use a glazing or diffuser that lets light through, alike at any incidence"
-                raise InputError(self.case.source, f"design.{key}", got, remedy)
-            column = name if name in year.materials else "shade"
-            start = min(max(now, limits[0]), limits[1])
-            factors.append(Factor(str(column), Parameter(key, *limits, start), now))
-        return tuple(factors)
-
-
-def _transmittances(
-    case: Case, design: Design, clear: str
-) -> dict[str, tuple[str, tuple[float, float]]]:
-    """Material, "" where there is no shade, and range of each free transmittance, by key."""
-    shade = "" if case.shading is None else case.shading.material
-    named = (
-        ("glazing_transmittance", clear, design.glazing_transmittance),
-        ("shade_vlt", shade, design.shade_vlt),
-    )
-    return {key: (name, limits) for key, name, limits in named if limits is not None}
-
-
-def _check_ranges(case: Case, design: Design, clear: str) -> None:
-    """Refuse ranges of transmittance with T + R > 1."""
-    for key, (name, limits) in _transmittances(case, design, clear).items():
-        material = case.materials.get(name)
-        if not isinstance(material, GlazingMaterial | DiffuserMaterial):
-            continue
-        try:
-            exponent = material.exponent if isinstance(material, GlazingMaterial) else 0.0
-            check_energy(limits[1], material.reflectance, exponent)
-        except InputError as error:
-            got = f"up to {limits[1]:g}: {error.got}"
-            raise InputError(case.source, f"design.{key}", got, "lower its end") from None
 
 
 def _clear(case: Case, facade: Facade) -> str:

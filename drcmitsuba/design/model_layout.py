@@ -1,4 +1,4 @@
-"""Layout of a search over a model: which panes may take the film, or which walls get windows.
+"""Layout of a search over a model: which panes may take the film, and which walls get windows.
 
 Panes of one material that face one direction are a tile, whose area the film shares with what the
 model draws there; they keep their size and place. Outer walls that `[design]` means are cut into
@@ -6,7 +6,7 @@ tiles (`scene.tiled_walls`), each of which wall, clear glass and film share, as 
 
     case ─ TiledWalls ─► drawn, clear, film: three variants of one model
          ─ SharedFacades ─► openings and fills ─► light by element ─► FacadeYear ─► FacadeProblem
-    optimum ─ panes_of ─► the model with these windows, a case of its own
+    optimum ─ built ─► the model with its windows and transmittances, a case of its own
 """
 
 from __future__ import annotations
@@ -28,11 +28,12 @@ from drcmitsuba.design.facade_glare import EyesOfCase, LitOpenings, TraceEyes, e
 from drcmitsuba.design.facade_maps import Panes, Strips
 from drcmitsuba.design.facade_tiles import TiledLight
 from drcmitsuba.design.facade_year import FacadeYear
+from drcmitsuba.design.free_transmittances import free_transmittances, with_transmittances
 from drcmitsuba.design.goal import Goal, Minimised
-from drcmitsuba.design.model_openings import SearchedOpenings
+from drcmitsuba.design.model_openings import SearchedOpenings, meant_panes
 from drcmitsuba.design.model_windows import WindowArea, panes_of
 from drcmitsuba.design.optimise import FacadeOptimum, Search
-from drcmitsuba.design.parameters import Parameter
+from drcmitsuba.design.parameters import Factor, Parameter
 from drcmitsuba.design.problem import FacadeProblem
 from drcmitsuba.design.requirement import asked_of
 from drcmitsuba.design.wall_picture import wall_picture
@@ -47,8 +48,6 @@ from drcmitsuba.sky.daylight import daylight as daylight_of
 
 WINDOWS = "windows.csv"
 """Name of the table of new windows."""
-FIXED = ("glazing_transmittance", "shade_vlt")
-"""Keys of `[design]` that change the glass, which a model keeps."""
 
 
 @dataclass(frozen=True)
@@ -75,21 +74,23 @@ class ModelLayout:
             got = "no film is named"
             raise InputError(case.source, "design.film", got, "name a material of [materials]")
         case.refuse_overruled("the search for a façade")
-        for key in FIXED:
-            if key in design.model_fields_set:
-                got = "the panes of a model keep their glass"
-                raise InputError(case.source, f"design.{key}", got, "leave it out")
         films = [name for name in case.panes if not case.is_clear(name)]
         if design.film not in films:
             got = f"{shortened(design.film)} is no such material in [materials]"
             raise InputError(case.source, "design.film", got, choose(design.film, films))
         if isinstance(case.sun, Adaptive):  # its mesh would follow one composition
             case = case.with_tables(sun=TrueSun())
-        if not design.cuts_walls:
-            return cls(SearchedOpenings.of_panes(case, design, design.film), design)
-        openings = SearchedOpenings.of_walls(case, design, design.film)
-        assert openings.walls is not None
-        return cls(openings, design, WindowArea.of(case.source, design, openings.walls))
+        if design.cuts_walls:
+            openings = SearchedOpenings.of_walls(case, design, design.film)
+        else:
+            openings = SearchedOpenings.of_panes(case, design.film, meant_panes(case, design))
+        walls = openings.walls
+        allowed = None if walls is None else WindowArea.of(case.source, design, walls)
+        layout = cls(openings, design, allowed)
+        for factor in layout.factors:
+            for name in factor.now:
+                openings.refuse_shared(f"design.{factor.parameter.key}", name)
+        return layout
 
     @property
     def case(self) -> Case:
@@ -100,6 +101,11 @@ class ModelLayout:
     def film(self) -> str:
         """Material of the film."""
         return self.openings.film
+
+    @property
+    def factors(self) -> tuple[Factor, ...]:
+        """Materials whose transmittance is free; errors are those of `free_transmittances`."""
+        return free_transmittances(self.case, self.design, self.openings.clear_materials)
 
     @property
     def search(self) -> Search:
@@ -122,7 +128,7 @@ class ModelLayout:
             daylight = daylight_of(self.case)
             asked_of(self.case, daylight)  # refused before any light is traced
         shared = self.openings.simulated(self.case, daylight, stage)
-        tiled = self.openings.tiled(shared, daylight.sky["time"])
+        tiled = self.openings.tiled(shared.channels, daylight.sky["time"])
         if eyes is not None:
             facades = shared.facades
             lit = LitOpenings(facades.case, facades.panes, shared.scope, eyes)
@@ -133,12 +139,18 @@ class ModelLayout:
         """Optimisation problem of a year."""
         window, area = Parameter.fixed("window", 1.0), None
         panes = Panes(year.tiles, year.materials, self.openings.clear, self.film)
+        whole = 0
         if self.allowed is not None:
-            window, area = self.allowed.parameter(panes.count), self.allowed.limits
+            whole = len(self.openings.panes)
+            count = panes.count - whole
+            window, area = self.allowed.parameter(count), self.allowed.limits
+            if area is not None:
+                glazed = float(year.tiles.area[count:].sum())
+                area = (area[0] + glazed, area[1] + glazed)
         of: Minimised = "panes" if area is not None and area[0] < area[1] else "film"
         goal = Goal.of(self.case, year, self.film, area, of)
         film = Parameter("film", 0.0, 1.0, 0.5, panes.count)
-        return FacadeProblem(year, Strips(panes, window, film), goal)
+        return FacadeProblem(year, Strips(panes, window, film, whole), goal, self.factors)
 
     def known(self, problem: FacadeProblem) -> list[np.ndarray]:
         """Designs that are evaluated first: the film nowhere and everywhere, and in parts.
@@ -149,8 +161,9 @@ class ModelLayout:
             bottom, top = problem.year.tiles.bounds[:, 2:].T
             at = ((bottom + top) / 2 - bottom.min()) / (top.max() - bottom.min())
             return problem.films_by_height(at)
-        size = problem.size
-        return [np.zeros(size), np.ones(size), *(np.eye(size) if size > 1 else ())]
+        tiles = len(problem.year.tiles)
+        films = [np.zeros(tiles), np.ones(tiles), *(np.eye(tiles) if tiles > 1 else ())]
+        return [problem.of_fractions({"film": film}) for film in films]
 
     @property
     def cuts_tiles(self) -> bool:
@@ -162,15 +175,16 @@ class ModelLayout:
 
         New windows are drawn into the model; panes take the film by their shares.
         """
-        if self.openings.walls is not None:
-            return evaluate(self.built(optimum), stage)
+        built = self.built(optimum)
+        if not self.openings.panes:
+            return evaluate(built, stage)
         seed = case_seed(self.case.accuracy.seed, Stream.FRESH_SEED)
-        accuracy = self.case.accuracy.model_copy(update={"seed": seed})
-        case = self.case.with_tables(accuracy=accuracy)
+        case = built.with_tables(accuracy=built.accuracy.model_copy(update={"seed": seed}))
         with stage("sky"):
             light = daylight_of(case)
-        film = optimum.best.share[:, optimum.problem.year.materials.index(self.film)]
-        openings, facades = self.openings, self.openings.facades
+        openings, composition = self._panes_of(case, optimum)
+        film = composition[:, optimum.problem.year.materials.index(self.film)]
+        facades = openings.facades
         _, as_drawn, covered = facades.drawn
         rows = dict(as_drawn)
         for g, share in zip(openings.searched, film, strict=True):
@@ -181,18 +195,32 @@ class ModelLayout:
 
     def glare_afresh(self, optimum: FacadeOptimum, stage: Stage = silent) -> Any:
         """`GlareYear` of an optimum at the views of the case, as `afresh`."""
-        problem, share = optimum.problem, mi.TensorXf(optimum.best.share.astype(np.float32))
-        year = problem.year
-        assert year.eyes is not None
+        problem = optimum.problem
+        eyes, daylight = problem.year.eyes, problem.year.daylight
+        assert eyes is not None
+        assert daylight is not None
+        built = self.built(optimum)
         if self.openings.walls is not None:
-            return year.eyes.of_case(self.built(optimum), stage)
-        E, (shares, _) = year.illuminance(share), year.weights(share)
-        return year.eyes.in_states(shares, problem.measure.states(E), stage)
+            return eyes.of_case(built, stage)
+        _, E = problem.illuminance(problem.values(mi.Float(optimum.best.x)))
+        openings, composition = self._panes_of(built, optimum)
+        tiled, facades = openings.tiled((), daylight.sky["time"]), openings.facades
+        shares = np.stack([tiled.shares(composition, k) for k in range(len(E.states))])
+        of_hours = shares[problem.measure.states(E)]
+        return eyes.in_facades(facades.case, facades.panes, of_hours, stage)
+
+    def _panes_of(self, built: Case, optimum: FacadeOptimum) -> tuple[SearchedOpenings, np.ndarray]:
+        """Panes of the case of an optimum that take the film, and their composition."""
+        panes = self.openings.panes
+        openings = SearchedOpenings.of_panes(built, self.film, tuple(map(str, panes)))
+        return openings, optimum.best.share[-len(panes) :]
 
     def built(self, optimum: FacadeOptimum) -> Case:
-        """Case of an optimum whose new windows are drawn into the walls."""
-        assert self.openings.walls is not None
-        return self.openings.walls.with_windows(self.openings.walls.windows(self._panes(optimum)))
+        """Case of an optimum with its transmittances, and with new windows in its walls."""
+        walls, case = self.openings.walls, self.case
+        if walls is not None:
+            case = walls.with_windows(walls.windows(self._panes(optimum)))
+        return with_transmittances(case, optimum.problem.factors, optimum.values)
 
     def tables(self, optimum: FacadeOptimum) -> dict[str, pd.DataFrame]:
         """Tables of an optimum by the names of their files: its new windows, for `[model]`."""
@@ -212,5 +240,6 @@ class ModelLayout:
     def _panes(self, optimum: FacadeOptimum) -> list[WallPane]:
         """Panes of an optimum in its walls."""
         assert self.openings.walls is not None
-        share, materials = optimum.best.share, optimum.problem.year.materials
-        return panes_of(self.openings.walls, share, materials, self.film)
+        walls, materials = self.openings.walls, optimum.problem.year.materials
+        share = optimum.best.share[: len(walls.tiles)]
+        return panes_of(walls, share, materials, self.film)

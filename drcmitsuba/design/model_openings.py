@@ -1,4 +1,4 @@
-"""Openings of a model that a search fills: panes that may take a film, or tiles of its walls.
+"""Openings of a model that a search fills: panes that may take a film, and tiles of its walls.
 
 case ─ TiledWalls ─► drawn, clear, film: three variants of one model
 ─ SharedFacades ─► openings and fills ─► light by element ─► TiledLight
@@ -6,9 +6,10 @@ case ─ TiledWalls ─► drawn, clear, film: three variants of one model
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
+from functools import cached_property
 
 import numpy as np
 import xarray as xr
@@ -27,16 +28,20 @@ from drcmitsuba.design.facade_tiles import (
     closing_matrices,
     group_of_elements,
 )
-from drcmitsuba.design.model_windows import CLEAR, bounds_of, clear_of, tiled_walls, with_fill
+from drcmitsuba.design.model_windows import CLEAR, clear_of, tiled_walls, tiles_of, with_fill
 from drcmitsuba.model.model import areas
 from drcmitsuba.plan import notes, plan
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage
+from drcmitsuba.runtime.toml import shortened
 from drcmitsuba.scene.like_panes import LikePanes, like_panes
+from drcmitsuba.scene.pane_groups import further_materials
+from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.shared_facades import SharedFacades
 from drcmitsuba.scene.tiled_walls import TiledWalls
 from drcmitsuba.sky.daylight import Daylight
+from drcmitsuba.transport.elements import LightByElement
 
 
 @dataclass(frozen=True)
@@ -59,31 +64,44 @@ class SearchedOpenings:
     """Walls that are cut into tiles; None where panes are searched."""
 
     @classmethod
-    def of_panes(cls, case: Case, design: Design, film: str) -> SearchedOpenings:
-        """Panes that `[design]` names; InputError where no clear one is meant."""
+    def of_panes(cls, case: Case, film: str, names: Collection[str]) -> SearchedOpenings:
+        """Panes of some names, as from `meant_panes`."""
         every = tuple(like_panes(case))
-        searched = tuple(g for g, panes in enumerate(every) if _is_meant(design, panes))
-        if not searched:
-            known = ", ".join(map(str, every)) or "there are none"
-            got, remedy = "no clear pane is meant", f"name some of the panes: {known}"
-            raise InputError(case.source, "design.panes", got, remedy)
+        searched = tuple(g for g, panes in enumerate(every) if str(panes) in names)
         covered = with_fill(case, film, {every[g].name: "" for g in searched})
         facades = SharedFacades.of([case, case, covered])
         return cls((case, case, covered), film, CLEAR, every, searched, facades)
 
     @classmethod
     def of_walls(cls, case: Case, design: Design, film: str) -> SearchedOpenings:
-        """Tiles of the walls that `[design]` names; errors are those of `TiledWalls.of`."""
-        clear = clear_of(case, design)
-        walls = tiled_walls(case, design)
+        """Tiles of the walls that `[design]` names, then the panes that it names, if any.
+
+        Errors are those of `TiledWalls.of` and `meant_panes`; a material of these panes cannot be
+        that of new windows.
+        """
+        clear, walls = clear_of(case, design), tiled_walls(case, design)
+        names = meant_panes(case, design) if design.panes else ()
         panes = {panes.layer: panes for panes in like_panes(walls.case)}
+        old = {panes.name: "" for panes in like_panes(case) if str(panes) in names}
+        if clear in old:
+            got = f"{shortened(clear)} is a material of the panes that are searched, too"
+            raise InputError(case.source, "design.clear", got, "give new windows another one")
         tiles = {walls.case.building.layers[i].name: panes[i].facing for i in walls.layers}
         glazed, covered = (with_fill(walls.case, name, tiles) for name in (clear, film))
+        covered = with_fill(covered, film, old)
         every = tuple(like_panes(glazed))
         at = {panes.layer: g for g, panes in enumerate(every)}
         facades = SharedFacades.of([walls.case, glazed, covered])
-        searched = tuple(at[i] for i in walls.layers)
-        return cls((walls.case, glazed, covered), film, clear, every, searched, facades, walls)
+        searched = [at[i] for i in walls.layers]
+        searched += [g for g, panes in enumerate(every) if str(panes) in names]
+        variants = walls.case, glazed, covered
+        return cls(variants, film, clear, every, tuple(searched), facades, walls)
+
+    @property
+    def panes(self) -> tuple[LikePanes, ...]:
+        """Panes that are searched, whose tiles come last."""
+        count = 0 if self.walls is None else len(self.walls.tiles)
+        return tuple(self.every[g] for g in self.searched[count:])
 
     @property
     def fills(self) -> tuple[str, str, str]:
@@ -104,54 +122,105 @@ class SearchedOpenings:
             )
         return SharedElements([case], light, facades, scope, channels, [notes(case)], run)
 
-    def tiled(self, shared: SharedElements, time: xr.DataArray) -> TiledLight:
+    @property
+    def clear_materials(self) -> tuple[str, ...]:
+        """Names of the clear materials that the film shares tiles with."""
+        of_walls = () if self.walls is None else (self.clear,)
+        return (*of_walls, *dict.fromkeys(panes.name for panes in self.panes))
+
+    @cached_property
+    def names(self) -> tuple[tuple[str, ...], ...]:
+        """Names of every element's material; fills of equal values are one and have several."""
+        names = [dict[str, None]() for _ in range(self._count)]
+        for g, column, element in self._standing():
+            own = column == 1 and not self._is_tile(g)
+            names[element][self.every[g].name if own else self.fills[column]] = None
+        for place, materials in self._closings():
+            for element, name in zip(place.further, materials, strict=False):
+                names[element][name] = None  # those of a model's own states have none
+        return tuple(map(tuple, names))
+
+    def refuse_shared(self, field: str, material: str) -> None:
+        """Refuse a material whose light is not that of elements of its own.
+
+        Raises
+        ------
+        InputError
+            No pane takes the material, it stands within rooms, or another one has its values.
+        """
+        case = self.variants[0]
+        panes, own = panes_of_model(case.building), [n for n in self.names if material in n]
+        inside = {case.building.layers[i].name for i in panes.layer[~panes.outside]}
+        others = [name for names in own for name in names if name != material]
+        if not own:
+            got, remedy = f"no pane takes {shortened(material)}", "leave it out"
+        elif material in inside:
+            got = f"{shortened(material)} stands within rooms, too"
+            remedy = "give panes to the outside a material of their own"
+        elif others:
+            got = f"{shortened(material)} and {shortened(others[0])} are the same"
+            remedy = "give one of them other values"
+        else:
+            return
+        raise InputError(case.source, field, got, remedy)
+
+    def tiled(self, channels: tuple[LightByElement, ...], time: xr.DataArray) -> TiledLight:
         """Light as tiles of a façade have it."""
-        states, columns = self.facades.panes.states, self.fills
-        starts, count = states.starts, states.starts[-1]
+        count = self._count
         place, still = np.full(count, -1), np.zeros(count, np.float32)
-        is_open, names = np.zeros(count, bool), [""] * count
+        is_open = np.zeros(count, bool)
         tile_of = {g: tile for tile, g in enumerate(self.searched)}
-        for g in range(len(self.every)):
-            fills = [starts[g] + int(rows[g].argmax()) for rows in self.facades.drawn]
-            still[fills[0]] = g not in tile_of
-            for column, (fill, name) in enumerate(zip(fills, columns, strict=True)):
-                if column == 0 and self.walls is None:
-                    continue  # panes are no wall
-                is_open[fill], names[fill] = True, name if g in tile_of else CLEAR
-                if g in tile_of:
-                    place[fill] = 3 * tile_of[g] + column
+        for g, column, element in self._standing():
+            is_open[element] = True
+            if g in tile_of:
+                place[element] = 3 * tile_of[g] + column
+            else:
+                still[element] = 1
         groups = self._groups(time)
-        by_element = {place.element: place for place in self._places()}
+        by_element = {place.element: place for place, _ in self._closings()}
         places = [] if groups is None else [*by_element.values()]
         several = groups is not None and len(groups.rule.groups) > 1
         return TiledLight(
-            tiles=self._tiles(),
-            materials=columns,
-            names=tuple(names),
+            tiles=self.tiles,
+            materials=self.fills,
+            names=tuple(names[0] if names else "" for names in self.names),
             as_drawn=still,
             is_open=is_open,
             closings=closing_matrices(count, places, groups),
-            channels=shared.channels,
+            channels=channels,
             groups=groups,
             group=group_of_elements(count, places) if several else None,
             place=place,
         )
 
-    def _tiles(self) -> Tiles:
-        """Tiles of walls side by side; searched panes likewise, each of 1 m height by its area."""
-        names = tuple(str(self.every[g]) for g in self.searched)
-        if self.walls is not None:
-            return bounds_of(self.walls, names)
-        size = []
-        for g in self.searched:
-            panes = self.every[g]
-            assert panes.quads is not None
-            size.append(
-                areas(self.variants[0].building.layers[panes.layer].quads[panes.quads]).sum()
-            )
-        right = np.cumsum(size)
-        left, zero = right - size, np.zeros(len(size))
-        return Tiles(np.stack([left, right, zero, zero + 1], axis=1), names)
+    @property
+    def _count(self) -> int:
+        """Number of elements."""
+        return self.facades.panes.states.starts[-1]
+
+    def _is_tile(self, g: int) -> bool:
+        """Whether an opening is a tile of a wall."""
+        return self.walls is not None and self.every[g].layer in self.walls.layers
+
+    def _standing(self) -> Iterator[tuple[int, int, int]]:
+        """Yield panes or tile, column and element of what may stand while all is open.
+
+        Panes are no wall, and those that are not searched stay as drawn.
+        """
+        starts = self.facades.panes.states.starts
+        for g in range(len(self.every)):
+            for column, rows in enumerate(self.facades.drawn):
+                if column == 1 or (g in self.searched and (column or self._is_tile(g))):
+                    yield g, column, starts[g] + int(rows[g].argmax())
+
+    @property
+    def tiles(self) -> Tiles:
+        """Tiles of walls, and of panes."""
+        layers = self.variants[1].building.layers
+        size = [areas(layers[panes.layer].quads[panes.quads]).sum() for panes in self.panes]
+        return tiles_of(
+            self.walls, np.array(size), tuple(str(self.every[g]) for g in self.searched)
+        )
 
     def _groups(self, time: xr.DataArray) -> FacadeGroups | None:
         """Groups of panes that close; None where nothing ever does."""
@@ -161,27 +230,45 @@ class SearchedOpenings:
             return None
         return FacadeGroups.of_case(case, states, time)
 
-    def _places(self) -> Iterator[Place]:
-        """Yield the elements that a group, or the shade, changes."""
+    def _closings(self) -> Iterator[tuple[Place, tuple[str, ...]]]:
+        """Yield the elements that a group, or the shade, changes, and what into, by name."""
         case, starts = self.variants[1], self.facades.panes.states.starts
-        shade, of_panes = case.shading, prepared(case).groups
+        shade, of_panes, groups = case.shading, prepared(case).groups, [*case.groups.values()]
         variants = zip(self.facades.drawn, self.facades.members, strict=True)
         for number, (drawn, members) in enumerate(variants):
             for g, row in drawn.items():
                 panes, element = self.every[g], starts[g] + int(row.argmax())
                 assert panes.quads is not None
-                if case.groups and g in members:
+                if groups and g in members:
+                    group = members[g].group
                     further = tuple(starts[g] + f for f in members[g].fills)
-                    yield Place(element, members[g].group, further)
-                elif shade is not None and not case.groups and number == 1:
+                    yield Place(element, group, further), further_materials(case, groups[group])
+                elif shade is not None and not groups and number == 1:
                     group = int(of_panes.of_quads[panes.layer][panes.quads[0]])
                     if panes.clear and group >= 0:
                         names = self.facades.panes.states.states[g]
                         closed = starts[g] + names.index(shade.material, 1)
-                        yield Place(element, group, (closed,))
+                        yield Place(element, group, (closed,)), (shade.material,)
 
 
-def _is_meant(design: Design, panes: LikePanes) -> bool:
-    """Whether `[design]` names panes: by default all clear ones."""
-    named = not design.panes or any(fnmatchcase(panes.name, p) for p in design.panes)
-    return panes.clear and named and design.side in (None, panes.facing)
+def meant_panes(case: Case, design: Design) -> tuple[str, ...]:
+    """Clear panes that `[design]` names, by default all, as "name (direction)".
+
+    Raises
+    ------
+    InputError
+        There are none.
+    """
+    every = tuple(like_panes(case))
+    meant = tuple(
+        str(panes)
+        for panes in every
+        if panes.clear
+        and design.side in (None, panes.facing)
+        and (not design.panes or any(fnmatchcase(panes.name, p) for p in design.panes))
+    )
+    if not meant:
+        known = ", ".join(map(str, every)) or "there are none"
+        got, remedy = "no clear pane is meant", f"name some of the panes: {known}"
+        raise InputError(case.source, "design.panes", got, remedy)
+    return meant

@@ -37,8 +37,8 @@ def clear_of(case: Case, design: Design) -> str:
     InputError
         There is no such glazing, or `[design]` asks for what walls of a model have not.
     """
-    if design.panes:
-        got, remedy = "walls are searched, too", "search one after the other"
+    if design.panes and design.asks_glare:
+        got, remedy = "walls are searched, too, by hours of glare", "search one after the other"
         raise InputError(case.source, "design.panes", got, remedy)
     if design.parameters == "window" and "parameters" in design.model_fields_set:
         got, remedy = "the tiles of a model's walls are no one window", 'give "strips"'
@@ -78,13 +78,19 @@ def with_fill(case: Case, material: str, panes: Mapping[str, str]) -> Case:
     return case.with_tables(materials=materials, groups=groups)
 
 
-def bounds_of(walls: TiledWalls, names: tuple[str, ...]) -> Tiles:
-    """Tiles of all walls side by side."""
-    start = walls.places[[tile.wall for tile in walls.tiles]]
-    bounds = np.array([tile.bounds for tile in walls.tiles])
-    bounds[:, :2] += start[:, None]
-    size = (bounds[:, 1] - bounds[:, 0]) * (bounds[:, 3] - bounds[:, 2])
-    return Tiles(bounds, names, np.array([tile.shape.area for tile in walls.tiles]) / size)
+def tiles_of(walls: TiledWalls | None, areas: np.ndarray, names: tuple[str, ...]) -> Tiles:
+    """Tiles of all walls side by side, then panes of `areas` (pane,) [m²], each of 1 m height."""
+    right = np.cumsum(areas)
+    zero = np.zeros(len(areas))
+    bounds = np.stack([right - areas, right, zero, zero + 1], axis=1)
+    if walls is None:
+        return Tiles(bounds, names)
+    of_walls = np.array([tile.bounds for tile in walls.tiles])
+    of_walls[:, :2] += walls.places[[tile.wall for tile in walls.tiles]][:, None]
+    bounds[:, :2] += of_walls[:, 1].max()
+    size = (of_walls[:, 1] - of_walls[:, 0]) * (of_walls[:, 3] - of_walls[:, 2])
+    filled = np.array([tile.shape.area for tile in walls.tiles]) / size
+    return Tiles(np.concatenate([of_walls, bounds]), names, np.append(filled, zero + 1))
 
 
 @dataclass(frozen=True)

@@ -89,14 +89,13 @@ class Map(Protocol):
 
 @dataclass(frozen=True)
 class Factor:
-    """A material whose light is scaled: another transmittance of the shade or the glazing.
+    """Materials whose light is scaled by one parameter: another transmittance of glazing or shade.
 
-    `now` is the transmittance with which the year was simulated.
+    `now` has the transmittance by material with which the year was simulated.
     """
 
-    material: str
+    now: Mapping[str, float]
     parameter: Parameter
-    now: float = 1.0
 
 
 def inward(values: Values, parameters: Sequence[Parameter]) -> dict[str, Any]:

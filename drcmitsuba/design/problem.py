@@ -150,7 +150,7 @@ class FacadeProblem(RatedProblem):
     @property
     def start(self) -> np.ndarray:
         """Start, shape (free,): free values as fractions of their ranges, 0 to 1."""
-        return self._whole({})
+        return self.of_fractions({})
 
     def films_by_height(self, at: np.ndarray) -> list[np.ndarray]:
         """Designs (free,) of single tiles: a film nowhere, everywhere, above, below, in the middle.
@@ -162,14 +162,16 @@ class FacadeProblem(RatedProblem):
         windows: list[float | None] = [None]
         least, area = self.goal.least, self.goal.window_area
         if least is not None and least.of == "panes" and area is not None:
-            windows.append(min(1.0, area[1] / float(self.year.tiles.area.sum())))
+            (count,) = (p.count for p in self.parameters if p.key == "window")
+            free, whole = (each.sum() for each in np.split(self.year.tiles.area, [count]))
+            windows.append(min(1.0, float((area[1] - whole) / free)))
         return [
-            self._whole({"film": film.astype(float)} | ({} if w is None else {"window": w}))
+            self.of_fractions({"film": film.astype(float)} | ({} if w is None else {"window": w}))
             for w in windows
             for film in films
         ]
 
-    def _whole(self, fractions: Mapping[str, Any]) -> np.ndarray:
+    def of_fractions(self, fractions: Mapping[str, Any]) -> np.ndarray:
         """Design (free,) of fractions of the ranges by key; other values are those of the start."""
         return np.concatenate(
             [np.full(p.count, fractions.get(p.key, p.start_fraction)) for p in self.free]
@@ -204,9 +206,13 @@ class FacadeProblem(RatedProblem):
         share = self.facade.share(values)
         return share, self.year.illuminance(share, scale=self._scale(values))
 
-    def _scale(self, values: Values) -> dict[str, mi.Float] | None:
+    def _scale(self, values: Values) -> dict[str, mi.Float]:
         """Factors of the light that comes in by materials whose transmittance is free."""
-        return {f.material: values[f.parameter.key] / f.now for f in self.factors} or None
+        return {
+            name: values[factor.parameter.key] / now
+            for factor in self.factors
+            for name, now in factor.now.items()
+        }
 
     def evaluate(self, x: np.ndarray, sharpness: float) -> FacadeCandidate:
         """Evaluate x (free,), 0 to 1 between the bounds: scores, and gradients of the smooth ones.

@@ -148,22 +148,23 @@ class SearchedEyes:
             for Ev, own in zip(at_eyes.states, self._of_states(shares), strict=True)
         )
 
-    def in_states(self, shares: mi.Float, state: np.ndarray, stage: Stage) -> GlareYear:
-        """Glare by light paths that took no part in the search, in the states of the hours.
+    def in_facades(
+        self, case: Case, panes: PaneGroups, shares: np.ndarray, stage: Stage
+    ) -> GlareYear:
+        """Glare by light paths that took no part in the search, with shares of every hour.
 
-        `state` (time,) are numbers of the states in which `dgp` gives them.
+        `shares` (time, element) are of the openings of a case, whose fills may let through more or
+        less than those of the search.
         """
-        every = np.stack([own.numpy()[:-1] for own in self._of_states(shares)])
         tracing, looking = self.tracing, self.looking
         seed = case_seed(tracing.case.accuracy.seed, Stream.FRESH_SEED)
-        fresh = replace(tracing, run=replace(tracing.run, seed=seed, stage=stage))
+        run = replace(tracing.run, seed=seed, stage=stage)
+        fresh = ElementTracing(case, panes, tracing.light, run)
         samples = samples_of(
-            {APPLIED: every[state]}, fresh.at_eyes(looking), fresh.places(looking, RULE.least),
+            {APPLIED: shares}, fresh.at_eyes(looking), fresh.places(looking, RULE.least),
             looking, RULE,
         )  # fmt: skip
-        return rated(
-            tracing.case, tracing.light, looking, (APPLIED,), samples, (), rule=RULE, run=fresh.run
-        )
+        return rated(case, tracing.light, looking, (APPLIED,), samples, (), rule=RULE, run=run)
 
     def of_case(self, case: Case, stage: Stage) -> GlareYear:
         """Glare of another case, as from `glare`."""

@@ -35,11 +35,7 @@ GROUND, UPPER = 20.0, 40.0
 @pytest.fixture
 def folder(tmp_path):
     """Building with a window in one room below and one in the room above."""
-    parts = house.surfaces()
-    above = house.opening("w2", house.WINDOW[::-1] + [2, 0, 3])
-    ring = house.rect(1, 0, (3, 0), (6, 8))[::-1]
-    parts["south c"] = house.surface("south c", "ExteriorWall", ring, ["c"], above)
-    house.written(tmp_path, house.text(parts.values()))
+    house.written(tmp_path, house.text(house.with_window_above().values()))
     (tmp_path / "case.toml").write_text(CASE, encoding="utf-8")
     return tmp_path
 

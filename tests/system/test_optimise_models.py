@@ -14,10 +14,11 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from tests.differences import slopes
 from tests.fast import slowly
-from tests.system.every_room import MODELS, write_models
+from tests.system.every_room import MODELS, SHADING, write_models
 
 METRICS = "[metrics]\nsda_threshold = 600\n"
 DESIGN = '[design]\nfilm = "opal"\nstarts = 1\nsharpness = [8.0]\npareto = 0\n'
+GROUPED = "Radiance model with groups"
 FINER = "replicates = 2\npaths = 16", "replicates = 6\npaths = 128"
 
 
@@ -34,7 +35,7 @@ def case_of(folder, name, design=DESIGN):
 
 @pytest.mark.parametrize(
     "name",
-    slowly(MODELS, "mesh", "Radiance model with groups"),
+    slowly(MODELS, "mesh", GROUPED),
 )
 def test_a_search_is_simulations_and_finds_what_a_sweep_finds(tmp_path, name):
     case = case_of(tmp_path, name)
@@ -42,20 +43,12 @@ def test_a_search_is_simulations_and_finds_what_a_sweep_finds(tmp_path, name):
     year = layout.year()
     problem = layout.problem(year)
     assert year.tiles.area.sum() == pytest.approx(4)
-    names = {layout.openings.every[g].name for g in layout.openings.searched}
-    films = case.with_tables(
-        materials={**case.materials, **dict.fromkeys(names, case.materials["opal"])}
-    )
-    for column, drawn in ((1, case), (2, films)):
+    for column in (1, 2):
         share = np.zeros((len(year.tiles), 3), np.float32)
         share[:, column] = 1
         applied = problem.measure.groups.applied(year.illuminance(mi.TensorXf(share)))
-        result = drcmitsuba.evaluate(drawn)
-        E = result.illuminance[["total", "total_se"]].transpose("time", "sensor")
-        total, error = E["total"].values, E["total_se"].values
-        off = abs(applied - total) > 6 * (error + 0.01 * total)
-        assert off.mean() < 0.01
-        assert applied.mean() == pytest.approx(total.mean(), rel=0.01)
+        result = drcmitsuba.evaluate(filled(layout, case, column))
+        agrees(applied, result)
         low, high = (result.metrics["sDA"][end] for end in ("low", "high"))
         assert low <= problem.hard(share).aim <= high
     compare_with_differences(problem)
@@ -65,6 +58,62 @@ def test_a_search_is_simulations_and_finds_what_a_sweep_finds(tmp_path, name):
     assert optimum.best.hard.value >= sweep - 1e-6
     fresh = layout.afresh(optimum).metrics
     assert fresh["sDA"]["low"] - 5 <= optimum.best.hard.aim <= fresh["sDA"]["high"] + 5  # a sensor
+
+
+def filled(layout, case, column):
+    """Case whose searched panes are as drawn (1) or have the film (2)."""
+    names = layout.openings.clear_materials if column == 2 else ()
+    films = dict.fromkeys(names, case.materials["opal"])
+    return case.with_tables(materials={**case.materials, **films})
+
+
+def agrees(applied, result):
+    """Compare E (time, sensor) [lx] in the states that groups take with that of a result."""
+    E = result.illuminance[["total", "total_se"]].transpose("time", "sensor")
+    total, error = E["total"].values, E["total_se"].values
+    assert (abs(applied - total) > 6 * (error + 0.01 * total)).mean() < 0.01
+    assert applied.mean() == pytest.approx(total.mean(), rel=0.01)
+
+
+FREE = "glazing_transmittance = [0.3, 0.8]\nshade_vlt = [0.05, 0.3]\n"
+GLASS, SHADE = 0.45, 0.2
+OTHERS = (
+    ("transmittance = 0.6", f"transmittance = {GLASS}"),
+    (
+        "transmittance = 0.1",
+        f"transmittance = {SHADE}",
+    ),
+)
+
+
+@pytest.mark.parametrize("name", slowly(["mesh", GROUPED], GROUPED))
+def test_transmittances_are_those_of_cases_that_have_them(tmp_path, name):
+    shade = "" if SHADING in MODELS[name] else SHADING
+    layout = ModelLayout.of(case_of(tmp_path, name, shade + DESIGN + FREE))
+    text = (tmp_path / "case.toml").read_text()
+    for old, new in OTHERS:
+        assert old in text
+        text = text.replace(old, new)
+    (tmp_path / "other.toml").write_text(text)
+    other = drcmitsuba.load_case(tmp_path / "other.toml")
+    problem = layout.problem(layout.year())
+    free = {"glazing_transmittance": (GLASS - 0.3) / 0.5, "shade_vlt": (SHADE - 0.05) / 0.25}
+    for column in (1, 2):
+        x = problem.of_fractions({"film": column - 1, **free})
+        _, E = problem.illuminance(problem.values(mi.Float(x)))
+        agrees(
+            problem.measure.groups.applied(E), drcmitsuba.evaluate(filled(layout, other, column))
+        )
+    compare_with_differences(problem)
+    optimum = optimise(problem, layout.search, known=layout.known(problem))
+    fresh = layout.afresh(optimum)
+    _, E = problem.illuminance(problem.values(mi.Float(optimum.best.x)))
+    agrees(problem.measure.groups.applied(E), fresh)
+    materials, best = fresh.metrics["settings"]["materials"], optimum.values
+    assert materials["pane_1"] == materials["pane_2"]
+    for key, material in (("glazing_transmittance", "pane_1"), ("shade_vlt", "shade")):
+        assert materials[material]["transmittance"] == pytest.approx(float(best[key][0]))
+    assert materials["opal"]["transmittance"] == 0.5
 
 
 def compare_with_differences(problem):
@@ -106,11 +155,21 @@ def test_panes_are_chosen_by_name(run, tmp_path, monkeypatch):
     [
         (DESIGN + 'panes = ["door"]\n', "design.panes: no clear pane is meant; name some of the"),
         (DESIGN + 'side = "west"\n', "no clear pane is meant"),
-        (DESIGN + "shade_vlt = [0.2, 0.5]\n", "design.shade_vlt: the panes of a model keep their"),
+        (DESIGN + "shade_vlt = [0.2, 0.5]\n", 'design.shade_vlt: "shade" and "opal" are the same'),
+        (DESIGN + "glazing_transmittance = [0.2, 0.5]\n", '"pane_1" stands within rooms, too'),
         (DESIGN.replace("opal", "pane_1"), 'design.film: "pane_1" is no such material'),
     ],
 )
 def test_what_panes_of_a_model_have_not_is_refused(tmp_path, design, message):
+    """In a room with a pane in its middle, and with a shade of the film's values."""
+    case_of(tmp_path, "mesh", design)
+    with (tmp_path / "rooms.obj").open("a") as mesh:
+        mesh.writelines(f"v 2 {y} {z}\n" for y, z in ((2, 1), (3, 1), (3, 2), (2, 2)))
+        mesh.write("usemtl pane_1\nf -4 -3 -2 -1\n")
+    text = (
+        (tmp_path / "case.toml").read_text().replace("transmittance = 0.1", "transmittance = 0.5")
+    )
+    (tmp_path / "case.toml").write_text(text)
     with pytest.raises(InputError) as error:
-        ModelLayout.of(case_of(tmp_path, "mesh", design))
+        ModelLayout.of(drcmitsuba.load_case(tmp_path / "case.toml"))
     assert message in str(error.value)

@@ -6,6 +6,8 @@ drawn into the model are a third route, and differences the second one to gradie
 """
 
 import json
+from dataclasses import replace
+from types import SimpleNamespace
 
 import drjit as dr
 import mitsuba as mi
@@ -16,6 +18,7 @@ from drcmitsuba_plugins.patches import Patches
 
 import drcmitsuba
 from drcmitsuba.annual import attributes
+from drcmitsuba.case.design import Design
 from drcmitsuba.design.facade_year import FacadeYear
 from drcmitsuba.design.layout import Layout
 from drcmitsuba.design.model_layout import ModelLayout
@@ -24,6 +27,8 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
 from drcmitsuba.scene.tiled_walls import WallPane
+from drcmitsuba.sky.daylight import daylight
+from tests.differences import slopes
 from tests.unit.model import box_room as box
 
 CASE = """
@@ -77,6 +82,7 @@ WEST = """window,material,x1,y1,z1,x2,y2,z2,x3,y3,z3,x4,y4,z4
 0,glass,0,1,1,0,3,1,0,3,2,0,1,2
 """
 """Window in the western wall."""
+PANE = "generic_exterior_window_vis_0.64"
 MODEL = '[model]\nfiles = ["room.hbjson"]\n'
 
 
@@ -190,6 +196,108 @@ def test_shares_are_windows_beside_one_that_is_there(tmp_path):
     compare_with_windows(layout, layout.year())
 
 
+FREE = {"glazing_transmittance": (0.4, 0.8), "shade_vlt": (0.05, 0.3)}
+
+
+def with_transmittances(layout):
+    """Layout whose search sets the transmittances of clear glass and shade free."""
+    return replace(layout, design=layout.design.model_copy(update=FREE))
+
+
+def both_in(folder):
+    """Layout of a search of new windows in the southern wall, and of the film in its window."""
+    return ModelLayout.of(case_of(folder, 'panes = ["*"]\n' + MODEL, **FINER, window=True))
+
+
+def test_tiles_of_walls_and_panes_have_their_areas(tmp_path):
+    openings = both_in(tmp_path).openings
+    tiles = openings.tiles
+    assert tiles.names[-1] == f"{PANE} (south)"
+    assert len(tiles) == 5
+    assert tiles.area[-1] == pytest.approx(2)
+    assert tiles.area.sum() == pytest.approx(4 * 2, rel=1e-5)  # the band from 0.8 to 2.8 m
+    left, right = tiles.bounds[:, :2].T
+    assert left[-1] == pytest.approx(right[:-1].max())
+    of_pane = [names for names in openings.names if PANE in names]
+    assert of_pane == [(PANE,)]
+
+
+def test_panes_of_one_material_are_searched_in_one_direction(tmp_path):
+    """Every opening is filled once; the western window keeps its glass."""
+    room = box.room("Room")
+    west = np.array([[0.0, 3, 1], [0, 1, 1], [0, 1, 2], [0, 3, 2]])
+    room["faces"][4]["apertures"] = [box.element("Aperture", "West", west)]
+    case_of(tmp_path, MODEL)
+    box.written(tmp_path, box.model(room), "room.hbjson")
+    case = drcmitsuba.load_case(tmp_path / "case.toml")
+    case = case.with_tables(design=Design(film="opal", side="south"))
+    openings = ModelLayout.of(case).openings
+    assert [str(panes) for panes in openings.every] == [f"{PANE} (south)", f"{PANE} (west)"]
+    tiled = openings.tiled((), daylight(case).sky["time"])
+    names = np.array(tiled.names)
+    for column, (old, film) in ((1, (2, 0)), (2, (1, 1))):
+        shares = tiled.shares(np.eye(3)[[column]])
+        assert (shares[names == PANE].sum(), shares[names == "opal"].sum()) == (old, film)
+        assert shares.sum() == 2
+
+
+@pytest.mark.slow
+def test_panes_take_the_film_while_walls_get_windows(tmp_path):
+    layout = both_in(tmp_path)
+    problem = layout.problem(layout.year())
+    assert problem.goal.window_area == pytest.approx((0.2 * 12, 0.4 * 12))
+    assert [(p.key, p.count) for p in problem.free] == [("window", 4), ("film", 5)]
+    for film in (0, 1):
+        x = problem.of_fractions({"window": [0, 1, 1, 0], "film": [0, 0, 1, 0, film]})
+        drawn = layout.built(design_of(problem, x))
+        films = {PANE: drawn.materials["opal"]} if film else {}
+        result = drcmitsuba.evaluate(drawn.with_tables(materials=drawn.materials | films))
+        agrees(problem, x, result)
+    x = np.random.default_rng(1).uniform(0.2, 0.8, problem.size)
+    compare_with_differences(problem, x)
+    optimum = optimise(problem, layout.search, known=layout.known(problem))
+    fresh, best = layout.afresh(optimum), optimum.best.hard
+    low, high = (fresh.metrics["sDA"][end] for end in ("low", "high"))
+    assert low - SENSOR <= best.aim <= high + SENSOR
+    drawn = box.area_of(layout.built(optimum).building.layers)
+    area = sum(value for (_, role), value in drawn.items() if role == "pane")
+    assert area == pytest.approx(best.window_area, rel=2e-3)
+    alone = layout.design.model_copy(update={"panes": ()})
+    walls = ModelLayout.of(layout.openings.walls.drawn.with_tables(design=alone))
+    assert walls.openings.panes == ()
+
+
+def design_of(problem, x):
+    """Design x (free,) as an optimum."""
+    best = problem.evaluate(x, 8.0)
+    return SimpleNamespace(problem=problem, best=best, values=problem.named(x))
+
+
+def agrees(problem, x, result):
+    """Compare E of a design with that of a result, the shade open and applied."""
+    _, E = problem.illuminance(problem.values(mi.Float(x)))
+    applied = problem.measure.groups.applied(E)
+    theirs = result.illuminance.transpose("time", "sensor")
+    for ours, name in ((E.open.numpy(), "total_open"), (applied, "total")):
+        total, error = theirs[name].values, theirs[f"{name}_se"].values
+        assert (abs(ours - total) > 6 * (error + 0.01 * total + 1e-3)).mean() < 0.01, name
+        assert ours.mean() == pytest.approx(total.mean(), rel=0.01), name
+
+
+def test_transmittances_are_those_of_windows_that_are_drawn(simulated):
+    layout, light, daylight = simulated
+    layout = with_transmittances(layout)
+    problem = layout.problem(FacadeYear.of(light, daylight))
+    fractions = {"glazing_transmittance": 0.0, "shade_vlt": 0.8}
+    window, film = np.array([0, 1, 1, 0]), np.array([0, 0, 1, 0])
+    x = problem.of_fractions({"window": window, "film": film, **fractions})
+    drawn = layout.built(design_of(problem, x))
+    assert [drawn.materials[n].transmittance for n in ("glass", "opal", "shade")] == [
+        pytest.approx(share) for share in (0.4, 0.5, 0.25)
+    ]
+    agrees(problem, x, drcmitsuba.evaluate(drawn))
+
+
 def compare_with_windows(layout, year):
     """Compare a window in one tile and a film in another with an evaluation of the two."""
     problem = layout.problem(year)
@@ -212,10 +320,16 @@ def compare_with_windows(layout, year):
 
 
 def test_gradients_are_differences(simulated):
-    """Derivatives of the mean E by the shares of window and film are right to 0.1 %."""
+    """Derivatives of the mean E by shares of window and film, and by transmittances, to 0.1 %."""
     layout, light, daylight = simulated
-    problem = layout.problem(FacadeYear.of(light, daylight))
+    problem = with_transmittances(layout).problem(FacadeYear.of(light, daylight))
     x = np.random.default_rng(1).uniform(0.2, 0.8, problem.size)
+
+    compare_with_differences(problem, x)
+
+
+def compare_with_differences(problem, x):
+    """Derivatives of the mean E at a design x (free,), to 0.1 %."""
 
     def mean(at):
         _, E = problem.illuminance(problem.values(at))
@@ -224,10 +338,8 @@ def test_gradients_are_differences(simulated):
     free = mi.Float(x)
     dr.enable_grad(free)
     dr.backward(mean(free))
-    slopes, h = dr.grad(free).numpy(), 0.1
-    for i, e in enumerate(np.eye(problem.size)):
-        ends = [float(mean(mi.Float(x + s * h * e))[0]) for s in (1, -1)]
-        assert slopes[i] == pytest.approx((ends[0] - ends[1]) / (2 * h), rel=1e-3)
+    by_differences = slopes(lambda at: mean(mi.Float(at))[0], x, 0.1)
+    assert dr.grad(free).numpy() == pytest.approx(by_differences, rel=1e-3)
 
 
 def test_the_command_writes_windows_that_a_case_reads(run, tmp_path, monkeypatch):
@@ -259,9 +371,11 @@ def test_the_command_writes_windows_that_a_case_reads(run, tmp_path, monkeypatch
         ("wwr = [0.01, 0.1]", "at most 0.1, the panes as drawn take 0.167 of the walls"),
         ("wwr = [0.9, 1.0]", "a window-to-wall ratio of 0.9, the tiles have"),
         ('parameters = "window"', "design.parameters: the tiles of a model's walls are no one"),
-        ('panes = ["*"]', "design.panes: walls are searched, too"),
+        ('panes = ["door"]', "design.panes: no clear pane is meant"),
+        ('panes = ["*"]\nglare_limit = 5.0', "design.panes: walls are searched, too, by hours"),
+        ('clear = "generic_exterior_window_vis_0.64"\npanes = ["*"]', 'design.clear: "generic_ext'),
         ('clear = "opal"', 'design.clear: "opal" is no such material'),
-        ("shade_vlt = [0.1, 0.2]", "design.shade_vlt: the panes of a model keep their glass"),
+        ("glazing_transmittance = [0.1, 0.95]", "glazing_transmittance: up to 0.95: 0.95 + 0.1 is"),
     ],
 )
 def test_what_cannot_be_searched_is_refused_in_one_line(tmp_path, design, message):

@@ -224,10 +224,24 @@ def test_gradients_of_strips_are_the_differences(year):
     check(problem(year, Strips(panes(year.tiles), one, film)), x)
 
 
+def test_tiles_that_are_windows_as_a_whole_have_film_alone(year):
+    window, film = Parameter("window", 0, 1, 0.5, 12), Parameter("film", 0, 1, 0.5, 18)
+    strips = Strips(panes(year.tiles), window, film, whole=6)
+    x = np.random.default_rng(3).random(30)
+    given = problem(year, strips)
+    check(given, x)
+    share = given.evaluate(x, 8.0).share
+    wall, _, opal = share[:, :3].T
+    assert (wall[12:] == 0).all()
+    assert opal[12:] == pytest.approx(x[24:], abs=1e-6)
+    for key, values in strips.values_of(share).items():
+        assert values == pytest.approx(given.named(x)[key], abs=1e-5)
+
+
 def test_gradients_of_transmittances_are_the_differences(year):
     factors = (
-        Factor("glass", Parameter("glazing_transmittance", 0.5, 1.5, 1.0)),
-        Factor("film", Parameter("film_transmittance", 0.3, 0.9, 0.6), now=0.6),
+        Factor({"glass": 1.0}, Parameter("glazing_transmittance", 0.5, 1.5, 1.0)),
+        Factor({"film": 0.6}, Parameter("film_transmittance", 0.3, 0.9, 0.6)),
     )
     x = np.array([0.33, 0.47, 0.61, 0.27, 0.5, 0.5])
     given = problem(year, window(year.tiles), factors=factors)
@@ -238,7 +252,7 @@ def test_gradients_of_transmittances_are_the_differences(year):
 
 
 def test_a_scale_multiplies_the_light_through_its_material(year):
-    factors = (Factor("glass", Parameter("glazing_transmittance", 0.5, 1.5, 1.0)),)
+    factors = (Factor({"glass": 1.0}, Parameter("glazing_transmittance", 0.5, 1.5, 1.0)),)
     given = problem(year, window(year.tiles), factors=factors)
     share, once = given.illuminance(given.values(mi.Float([0.3, 0.4, 0.0, 0.4, 0.5])))
     _, half = given.illuminance(given.values(mi.Float([0.3, 0.4, 0.0, 0.4, 0.0])))
@@ -253,7 +267,7 @@ def test_a_scale_multiplies_the_light_through_its_material(year):
         (lambda y: Parameter("dwr", 0.0, 1.0, 2.0), "parameter: dwr: start at 2; start between"),
         (lambda y: Panes(y.tiles, MATERIALS, "glas", "film"), 'did you mean "glass"?'),
         (lambda y: problem(y, window(y.tiles), factors=(
-            Factor("glass", Parameter("dwr", 0, 1, 1)),)), "give each its own key"),
+            Factor({"glass": 1.0}, Parameter("dwr", 0, 1, 1)),)), "give each its own key"),
         (lambda y: problem(y, Strips(panes(y.tiles), Parameter.fixed("window", 1.0),
                                      Parameter.fixed("film", 0.5))), "every value is fixed"),
         (lambda y: FacadeProblem(y, window(y.tiles), Goal(RULES, "foil")), "no material 'foil'"),

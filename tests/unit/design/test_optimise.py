@@ -419,10 +419,9 @@ def test_a_layout_poses_its_problem(year):
     assert both.goal.window_area == pytest.approx((0.3 * WALL, 0.4 * WALL))
     turned = Layout.of(case(shade_vlt=[0.05, 0.2], glazing_transmittance=[0.4, 0.65]))
     factors = turned.problem(year).factors
-    assert [f.now for f in factors] == [0.65, 0.1]
-    assert [(f.material, f.parameter.low, f.parameter.high) for f in factors] == [
-        ("glass", 0.4, 0.65),
-        ("shade", 0.05, 0.2),
+    assert [(f.now, f.parameter.low, f.parameter.high) for f in factors] == [
+        ({"glass": 0.65}, 0.4, 0.65),
+        ({"shade": 0.1}, 0.05, 0.2),
     ]
 
 
@@ -466,6 +465,35 @@ def test_a_wrong_design_is_refused_with_a_remedy(design, line):
     with pytest.raises(InputError) as caught:
         case(**design)
     assert str(caught.value) == f"room.toml: {line}"
+
+
+GLASS = {"type": "glazing", "transmittance": 0.65}
+FABRIC = {"type": "diffuser", "transmittance": 0.1}
+
+
+@pytest.mark.parametrize(
+    ("changed", "design", "line"),
+    [
+        ({"glass": GLASS | {"ior": 1.52}}, {"glazing_transmittance": [0.4, 0.6]},
+         'glazing_transmittance: "glass": by its refractive index, each angle changes in its own'),
+        ({"shade": FABRIC | {"straight": 0.05}}, {"shade_vlt": [0.05, 0.2]},
+         'shade_vlt: "shade": light goes straight through it, too; leave out straight'),
+        ({"shade": FABRIC | {"transmittance": [0.05, 0.1]}}, {"shade_vlt": [0.05, 0.2]},
+         'shade_vlt: "shade": its transmittance is not known'),
+        ({"glass": GLASS | {"reflectance": 0.2}}, {"glazing_transmittance": [0.4, 0.9]},
+         "glazing_transmittance: up to 0.9: 0.9 + 0.2 is above 1; lower its end"),
+        ({}, {"shade_vlt": [0.05, 0.2]}, "shade_vlt: no shade: its transmittance is not known"),
+    ],
+)  # fmt: skip
+def test_a_transmittance_that_is_no_factor_of_light_is_refused(changed, design, line):
+    """Before any light is traced."""
+    tables = TABLES | {"design": {"film": "film"} | design}
+    tables["materials"] = TABLES["materials"] | changed
+    if not changed:
+        tables.pop("shading")
+    with pytest.raises(InputError) as caught:
+        Layout.of(checked(Case, tables, "room.toml"))
+    assert str(caught.value).startswith(f"case: design.{line}")
 
 
 def test_a_tilt_has_no_area():

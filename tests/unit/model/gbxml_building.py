@@ -83,6 +83,16 @@ def surfaces(scale=1.0, without=()):
     return {name: text for name, text in made.items() if name not in without}
 
 
+def with_window_above():
+    """Surfaces of the building with a window of the room below and one of that above, 2 m² each."""
+    parts = surfaces()
+    above = opening("w2", WINDOW[::-1] + [2, 0, 3])
+    parts["south c"] = surface(
+        "south c", "ExteriorWall", rect(1, 0, (3, 0), (6, 8))[::-1], ["c"], above
+    )
+    return parts
+
+
 def text(parts, spaces=None, unit="Meters", head="", types=None, place=""):
     """Text of a file."""
     spaces = spaces or [
