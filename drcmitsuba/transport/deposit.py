@@ -36,6 +36,7 @@ from drcmitsuba.transport.mirrors.sun_lobes import SunLobes
 from drcmitsuba.transport.panes.acceptance import Acceptance
 from drcmitsuba.transport.panes.patches import PanePatches
 from drcmitsuba.transport.panes.transfer import neumann_series, pane_transfer
+from drcmitsuba.transport.rays.even_rays import Starts
 from drcmitsuba.transport.rays.openings import Within, repeated_within, within_of
 from drcmitsuba.transport.rays.shadow_rays import Accepts, sky_deposit, sun_deposit
 from drcmitsuba.transport.rays.straight_suns import FEWER, Disks
@@ -72,6 +73,8 @@ class Deposit:
     """D on the films, and the radiance that they send on."""
     accepts: Accepts | None = None
     """Share of straight light that counts at the receivers; None where all of it does."""
+    starts: Starts | None = None
+    """Where rays of straight light start from receivers that are surfaces."""
 
     @property
     def bins(self) -> tuple[int, int]:
@@ -167,8 +170,9 @@ class Deposit:
         kind: dict[str, Any] = {"subdivision": self.subdivision, "rays": rays, "numbers": numbers}
         with self.launch(key, Draw.SKY) as seed:
             sky = sky_deposit(
-                self.scene, p, n, seed=seed, within=within, accepts=self.accepts, **kind
-            )
+                self.scene, p, n, seed=seed, within=within, accepts=self.accepts,
+                starts=self.starts, **kind,
+            )  # fmt: skip
         seed = self.seed(key, Draw.MIRRORS)
         with self.scene.ray_counter.purpose(key[0].name, Draw.SKY.name):
             for each in self._mirrors:
@@ -202,17 +206,20 @@ class Deposit:
             return sun_deposit(
                 self.scene, p, n, suns=self.suns, diameter=self.diameter, samples=samples,
                 seed=seed, numbers=numbers, within=within, accepts=self.accepts,
+                starts=self.starts,
             )  # fmt: skip
 
     def onto_panes(self, p: mi.Float, n: mi.Float, key: Key, within: Within = None) -> Irradiance:
         """D by straight light on the faces of diffusing panes, outer ones by their `Acceptance`.
 
-        Light by way of mirrors counts as light from everywhere alike.
+        Each ray starts at a point of its own: behind a reveal, light differs over a face. Light by
+        way of mirrors falls on the points p, and counts as light from everywhere alike.
         """
         assert self.patches is not None
         materials = [pane.material for pane in self.scene.scattering]
         accepted = Acceptance.of(materials, self.patches.owner)  # type: ignore[arg-type]
-        deposit = self if accepted is None else replace(self, accepts=accepted.at)
+        accepts = None if accepted is None else accepted.at
+        deposit = replace(self, accepts=accepts, starts=self.patches.on_faces)
         return deposit.straight(p, n, key, 4 * self.accuracy.cell_sky_rays, within=within)
 
     def transfer(
@@ -251,7 +258,8 @@ class Deposit:
         if self.films is None:
             return self
         p, n = self.films.patches.face_points(np.random.default_rng(self.seed(key, Draw.POINTS)))
-        sun = self._suns(p, n, key, 1, within=self._films_within)
+        spread = replace(self, starts=self.films.patches.on_faces)
+        sun = spread._suns(p, n, key, 1, within=self._films_within)
         seed = self.seed(key, Draw.SUN_ANSWER)
         to_suns = self.films.answer_to_suns(seed)
         samples = self.accuracy.film_sky_samples

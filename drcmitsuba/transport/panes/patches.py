@@ -101,6 +101,10 @@ class PanePatches:
     def _tables(self) -> tuple[mi.Float, mi.Float, mi.Float, mi.Bool]:
         return flat(self.corner), flat(self.u), flat(self.v), mi.Bool(self.triangular)
 
+    @cached_property
+    def _normals(self) -> mi.Float:
+        return flat(self.normal)
+
     def at(self, patch: mi.UInt32, a: mi.Float, b: mi.Float) -> mi.Point3f:
         """Points of patches at uniform numbers a and b, spread evenly over the area."""
         corner, u, v, triangular = self._tables
@@ -108,6 +112,12 @@ class PanePatches:
         a, b = dr.select(fold, 1 - a, a), dr.select(fold, 1 - b, b)
         y = dr.gather(mi.Point3f, corner, patch)
         return y + a * dr.gather(mi.Vector3f, u, patch) + b * dr.gather(mi.Vector3f, v, patch)
+
+    def on_faces(self, face: mi.UInt32, uv: mi.Point2f) -> mi.Point3f:
+        """Points before faces [m] at two uniform numbers, as `face_points` draws them."""
+        patch, side = face >> 1, 1 - 2 * mi.Float(face & 1)
+        n = dr.gather(mi.Vector3f, self._normals, patch)
+        return self.at(patch, uv.x, uv.y) + OFFSET * side * n
 
     @property
     def corners_of_faces(self) -> np.ndarray:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -23,6 +23,9 @@ from drcmitsuba.runtime.flat_arrays import flat_indices, row_and_column
 from drcmitsuba.runtime.random_streams import even_numbers, even_order, shifted_point
 from drcmitsuba.transport.rays.openings import Openings
 
+Starts = Callable[..., Any]
+"""Function that gives the points [m] of receivers, by their index, from which rays start at two
+uniform numbers each: receivers that are surfaces are seen from all over."""
 MOST_OPENINGS = 8
 """Number of openings up to which rays are looked for opening by opening."""
 SEGMENTS = 16
@@ -60,19 +63,25 @@ class EvenRays:
     """Number of the first of these receivers."""
     rays: int
     """Number of rays from a receiver."""
+    seed: int
+    numbers: mi.UInt32
+    """Seeds of the receivers' random numbers, shape (receiver,)."""
+    starts: Starts | None
+    """Where rays start; None where all start at `p`."""
 
     @classmethod
     def of(
         cls, points: mi.Float, normals: mi.Float, numbers: mi.UInt32, start: int, count: int,
-        rays: int, seed: int,
+        rays: int, seed: int, starts: Starts | None = None,
     ) -> EvenRays:  # fmt: skip
         """Rays of `count` receivers from the one at `start`; parameters as for `sky_deposit`."""
         first = dr.opaque(mi.UInt32, start)
         at = dr.arange(mi.UInt32, count) + first
         p, n = dr.gather(mi.Point3f, points, at), dr.gather(mi.Normal3f, normals, at)
-        shifts = random_bits(dr.gather(mi.UInt32, numbers, at), seed)
-        dr.eval(p, n, shifts)
-        return cls(p, n, shifts, first, rays)
+        own = dr.gather(mi.UInt32, numbers, at)
+        shifts = random_bits(own, seed)
+        dr.eval(p, n, shifts, own)
+        return cls(p, n, shifts, first, rays, seed, own, starts)
 
     def leaving(
         self, wanted: Callable[[mi.Vector3f], mi.Bool], openings: Openings | None
@@ -130,7 +139,11 @@ class EvenRays:
         uv = shifted_point(index, (a, b))
         frame = mi.Frame3f(dr.gather(mi.Normal3f, self.n, receiver))
         d = frame.to_world(mi.warp.square_to_cosine_hemisphere(uv))
-        p = dr.gather(mi.Point3f, self.p, receiver)
+        if self.starts is None:
+            p = dr.gather(mi.Point3f, self.p, receiver)
+        else:
+            number = dr.gather(mi.UInt32, self.numbers, receiver)
+            p = self.starts(receiver + self.first, even_numbers(index, number, self.seed, 1))
         return LeavingRays(receiver + self.first, p, d, mi.Bool(True))
 
 

@@ -26,9 +26,9 @@ from drcmitsuba_plugins.sampling import (
 
 from drcmitsuba.runtime.flat_arrays import add_at, flat, row_and_column
 from drcmitsuba.runtime.launch_size import SHADOW_RAYS
-from drcmitsuba.runtime.random_streams import shifted_point
+from drcmitsuba.runtime.random_streams import even_numbers, shifted_point
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.rays.even_rays import EvenRays
+from drcmitsuba.transport.rays.even_rays import EvenRays, Starts
 from drcmitsuba.transport.rays.openings import Openings, Within
 from drcmitsuba.transport.rays.sun_clusters import possible_pairs
 
@@ -84,7 +84,7 @@ def visibility(
 def sky_deposit(
     scene: Scene, points: mi.Float, normals: mi.Float, *,
     subdivision: int, rays: int, seed: int, numbers: mi.UInt32 | None = None,
-    within: Within = None, accepts: Accepts | None = None,
+    within: Within = None, accepts: Accepts | None = None, starts: Starts | None = None,
 ) -> mi.TensorXf:  # fmt: skip
     """Irradiance of points per unit radiance of the ground and the sky patches.
 
@@ -103,6 +103,9 @@ def sky_deposit(
     accepts : callable, optional
         Share of the light that counts, by the point and the cosine of the incidence; by default
         all.
+    starts : callable, optional
+        Where each ray starts, see `even_rays.Starts`: the receivers are surfaces, of which `points`
+        are one each, and D is their mean.
 
     Returns
     -------
@@ -110,7 +113,7 @@ def sky_deposit(
         D [sr]; a free point has ΣD = π.
     """
     bins, count = len(Patches(subdivision)), dr.width(points) // 3
-    openings = Openings.of(scene, points, within)
+    openings = None if starts is not None else Openings.of(scene, points, within)
     if openings is not None and openings.are_none:
         return dr.zeros(mi.TensorXf, (count, bins))
     out = dr.zeros(mi.Float64, count * bins)  # a million rays may end in one bin
@@ -119,7 +122,7 @@ def sky_deposit(
     block = max(1, SHADOW_RAYS // rays)
     for start in range(0, count, block):
         n_points = min(block, count - start)
-        every = EvenRays.of(points, normals, numbers, start, n_points, rays, seed)
+        every = EvenRays.of(points, normals, numbers, start, n_points, rays, seed, starts)
         for row, p, d, active in every.leaving(scene.effects.shines, openings):
             tau = straight(scene, p, d, active, openings)
             if accepts is not None:
@@ -136,7 +139,7 @@ def sun_deposit(
     suns: np.ndarray, diameter: float, samples: int, seed: int,
     numbers: mi.UInt32 | None = None, within: Within = None,
     through: Through | None = None, pairs: Iterable[mi.UInt32] | None = None,
-    accepts: Accepts | None = None,
+    accepts: Accepts | None = None, starts: Starts | None = None,
 ) -> mi.TensorXf:  # fmt: skip
     """Irradiance of points per unit radiance of every sun.
 
@@ -150,7 +153,7 @@ def sun_deposit(
         Angle across a sun [deg].
     samples : int
         Directions drawn from the disk for every point and sun.
-    numbers, within, accepts : optional
+    numbers, within, accepts, starts : optional
         As for `sky_deposit`.
     through : callable
         Share of light that reaches points from directions; by default the straight one.
@@ -167,10 +170,11 @@ def sun_deposit(
     if not n_suns:
         return mi.TensorXf(out, (count, n_suns))
     numbers = dr.arange(mi.UInt32, count) if numbers is None else numbers
-    openings = Openings.of(scene, points, within)
+    openings = None if starts is not None else Openings.of(scene, points, within)
     of_pairs = _by_pairs(
-        scene, openings, points, normals, suns, diameter, samples, seed, numbers, through, accepts
-    )
+        scene, openings, points, normals, suns, diameter, samples, seed, numbers, through, accepts,
+        starts,
+    )  # fmt: skip
     if pairs is None:
         pairs = possible_pairs(openings, points, normals, suns, diameter)
     for many in pairs:
@@ -216,7 +220,7 @@ def rim_deposit(
 def _by_pairs(
     scene: Scene, openings: Openings | None, points: mi.Float, normals: mi.Float,
     suns: np.ndarray, diameter: float, samples: int, seed: int, numbers: mi.UInt32,
-    through: Through | None = None, accepts: Accepts | None = None,
+    through: Through | None = None, accepts: Accepts | None = None, starts: Starts | None = None,
 ) -> Callable[..., mi.Float]:  # fmt: skip
     """Make the function that gives D [sr] of pairs of a point and a sun.
 
@@ -237,6 +241,8 @@ def _by_pairs(
         centre = dr.gather(mi.Vector3f, directions, sun, active)
         number = dr.gather(mi.UInt32, numbers, row)
         place = dr.gather(mi.UInt32, places, sun, active)
+        if starts is not None:
+            p = starts(row, even_numbers(sample, number, seed, 1, place))
         d = _drawn(centre, diameter, number, place, sample, seed, rim)
         cosine = dr.dot(n, d)
         lit = active & (cosine > 0)

@@ -138,3 +138,25 @@ def test_inside_a_box_of_panes_it_is_pi_t_over_1_minus_r(same):
         for r, e in enumerate(irradiances)
     ]  # fmt: skip
     same(c, exact=np.pi * 0.3 / (1 - 0.6), within=0.005)
+
+
+@pytest.mark.parametrize("is_triangular", [False, True])
+def test_a_pane_half_in_shadow_gets_half_the_light_in_each_replicate(same, is_triangular):
+    """A sheet close above its western half: at one point of the pane there is all or no light."""
+    whole = quad([0, 0, 0], [0, 1, 0], [1, 0, 0])  # its back sees the sky
+    east, west = whole[[2, 3, 1]], whole[[0, 1, 3]]
+    quads = [np.concatenate([t, t[-1:]]) for t in (east, west)] if is_triangular else [whole]
+    sheet = surface(0.0, quad([-9, -9, 1e-3], [0, 19, 0], [9.5, 0, 0]))
+    scene = scenes.build([surface(diffuser(0.5), *quads), sheet])
+    patches = PanePatches.of([s.quads for s in scene.scattering], 1.0)
+    suns = np.tile(DIRECTIONS, (256, 1)) + 1e-6 * np.arange(1280)[:, None]
+    suns /= np.linalg.norm(suns, axis=1, keepdims=True)
+    deposit = Deposit(scene, suns, 0.5, 1, Accuracy(cell_sky_rays=256), patches)
+    faces = [deposit.lit(r).faces for r in range(24)]
+    area = patches.area[:, None] / patches.area.sum()
+    sky = np.array([(area * E.sky.numpy()[1::2]).sum(axis=0)[1:] for E in faces])
+    same(sky, exact=SKY[1:] / 2, within=0.01)
+    assert sky.sum(axis=1) == pytest.approx(np.pi / 2, rel=0.03)
+    sun = np.array([(area * E.sun.numpy()[1::2]).sum(axis=0) for E in faces])
+    same(sun, exact=OMEGA / 2 * suns[:, 2], within=0.01)
+    assert sun.mean(axis=1) == pytest.approx((OMEGA / 2 * suns[:, 2]).mean(), rel=0.25)
