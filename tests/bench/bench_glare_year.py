@@ -66,7 +66,7 @@ def _seconds(place, looking, times):
     """Seconds of the clock and of the processor; the first run compiles kernels."""
     for _ in range(2):
         start, used = time.perf_counter(), time.process_time()
-        place.sums(looking, Rule(), times)
+        place.sums(Rule(), times)
         seconds = time.perf_counter() - start, time.process_time() - used
     return seconds
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from drcmitsuba.glare_year.luminances import PixelRows
 from drcmitsuba.glare_year.pixels import rays
 from drcmitsuba.glare_year.rule import Rule
 from drcmitsuba.glare_year.sources import contrast_sums
@@ -81,7 +82,7 @@ def test_sources_of_many_hours_are_those_joined_one_by_one(hours):
         first, sent.directions[near], pixel, sent.solid_angle, frames[:, 2], opening=0.1
     )
     L = np.exp(rng.normal(6.4, 1.2, (pixel.max() + 1, hours))).astype(np.float32)
-    ours = contrast_sums(L, tiles, frames, np.full(hours, 2000.0), 5000.0)
+    ours = contrast_sums(PixelRows.of(L), tiles, frames, np.full(hours, 2000.0), 5000.0)
     theirs = [
         [one_by_one(L[:, h], tiles, frame, 2000.0, 5000.0) for h in range(hours)]
         for frame in frames
@@ -96,7 +97,7 @@ def test_a_threshold_of_each_view_and_hour_counts():
     tiles = EyeTiles(np.arange(3), d, np.arange(2), 0.01, frames[:, 2])
     L = np.array([[3000.0, 500.0], [2500.0, 4000.0]], np.float32)
     limit = np.array([[2000.0, 2000.0], [2900.0, 100.0]])
-    sums = contrast_sums(L, tiles, frames, limit, 1e5)
+    sums = contrast_sums(PixelRows.of(L), tiles, frames, limit, 1e5)
     P = position_index(np.einsum("vki,ti->vtk", frames, tiles.direction)) ** 2
     expected = [
         [3000**2 * 0.01 / P[0, 0] + 2500**2 * 0.01 / P[0, 1], 4000**2 * 0.01 / P[0, 1]],
@@ -109,15 +110,15 @@ def test_a_view_has_no_source_behind_it():
     frames = np.stack([frame_of([0, 1, 0]), frame_of([0, -1, 0])])
     tiles = EyeTiles(np.arange(2), np.array([[0.0, 1, 0]]), np.arange(1), 0.01, frames[:, 2])
     L, limit = np.full((1, 3), 3000, np.float32), np.full(3, 2000.0)
-    sums = contrast_sums(L, tiles, frames, limit, 5e4)
+    sums = contrast_sums(PixelRows.of(L), tiles, frames, limit, 5e4)
     np.testing.assert_allclose(sums, [[3000**2 * 0.01] * 3, [0] * 3], rtol=1e-5)
     away = EyeTiles(np.arange(2), tiles.rays, np.arange(1), 0.01, frames[1:, 2])
-    assert (contrast_sums(L, away, frames[1:], limit, 5e4) == 0).all()
+    assert (contrast_sums(PixelRows.of(L), away, frames[1:], limit, 5e4) == 0).all()
 
 
 def test_dark_hours_have_no_sources():
     tiles = EyeTiles(np.arange(2), np.array([[0.0, 1, 0]]), np.arange(1), 0.01, np.eye(3)[1:2])
-    sums = contrast_sums(np.zeros((1, 4), np.float32), tiles, frame_of([0, 1, 0])[None],
+    sums = contrast_sums(PixelRows.of(np.zeros((1, 4))), tiles, frame_of([0, 1, 0])[None],
                          np.full(4, 2000.0), 5e4)  # fmt: skip
     assert (sums == 0).all()
     assert Rule().dgp(np.zeros(4), sums[0]) == pytest.approx(0.159)
