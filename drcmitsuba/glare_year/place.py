@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -78,8 +78,8 @@ class PlaceInFacade:
                 for share, part in parts:
                     own = contrast_sums(part, tiles, frames, limit, rule.peak)
                     out[:, here] += share * own
-        out += self._of_suns(frames, times, rule.least)
-        return out.T, (out + self._sharp(frames, times)).T
+        out += self._of_suns(times, rule.least)
+        return out.T, (out + self._sharp(times)).T
 
     def _limit(self, L: PixelRows, frames: np.ndarray, rule: Rule) -> np.ndarray:
         """Luminance above which a pixel is bright [cd/m²], (hour,) or (view, hour)."""
@@ -87,39 +87,52 @@ class PlaceInFacade:
             return np.full(L.hours, rule.threshold)
         return rule.threshold * (_weights(self.known.seen, frames) @ L.luminance())
 
-    def _of_suns(self, frames: np.ndarray, times: np.ndarray, least: float) -> np.ndarray:
-        """Σ L² ω / P² of the suns' disks, shape (view, time)."""
-        known, images = self.known, self.known.seen.images
-        index, out = known.sun_index[times], np.zeros((len(frames), len(times)))
-        count = int(known.sun_index.max(initial=-1)) + 1
-        L = np.zeros(count)
-        L[index[index >= 0]] = known.sun[times][index >= 0]
-        for element in np.unique(known.seen.by_images).tolist():
-            mine = images.take(known.seen.by_images == element)
-            shown = L[mine.sun] * mine.transmittance
-            local = np.einsum("mi,vki->vmk", mine.direction, frames)
-            parts = shown**2 * mine.solid_angle / position_index(local) ** 2
-            parts *= (local[..., 2] > 0) & (shown > least)
-            by_sun = np.stack([np.bincount(mine.sun, values, count) for values in parts])
-            share = known.shares[times, element]
-            out += np.where(index >= 0, by_sun[:, index] * share, 0)
+    @property
+    def _suns(self) -> np.ndarray:
+        """Luminance of every sun [cd/m²], shape (sun,)."""
+        index, lit = self.known.sun_index, self.known.sun_index >= 0
+        out = np.zeros(int(index.max(initial=-1)) + 1)
+        out[index[lit]] = self.known.sun[lit]
         return out
 
-    def _sharp(self, frames: np.ndarray, times: np.ndarray) -> np.ndarray:
+    def _of_suns(self, times: np.ndarray, least: float) -> np.ndarray:
+        """Σ L² ω / P² of the suns' disks, shape (view, time)."""
+        images, L = self.known.seen.images, self._suns
+
+        def by_sun(some: np.ndarray) -> np.ndarray:
+            mine = images.take(some)
+            shown = L[mine.sun] * mine.transmittance
+            local = np.einsum("mi,vki->vmk", mine.direction, self.known.seen.frames)
+            parts = shown**2 * mine.solid_angle / position_index(local) ** 2
+            parts *= (local[..., 2] > 0) & (shown > least)
+            return np.stack([np.bincount(mine.sun, values, len(L)) for values in parts])
+
+        return self._weighed(self.known.seen.by_images, by_sun, times)
+
+    def _sharp(self, times: np.ndarray) -> np.ndarray:
         """Growth of Σ L² ω / P² where peaks of films are as narrow as a sun, (view, time)."""
-        known, seen = self.known, self.known.seen
-        index, out = known.sun_index[times], np.zeros((len(frames), len(times)))
-        if not seen.glow.suns.size:
-            return out
-        local = np.einsum("pi,vki->vpk", seen.directions[seen.films], frames)
-        weight = seen.tiles.by_pixel[seen.films] / position_index(local) ** 2
-        weight *= local[..., 2] > 0
-        narrow = np.maximum(seen.glow.sharpness - 1, 0)
-        peaks = seen.glow.suns.astype(float) ** 2 * narrow
-        for element in np.unique(seen.by_films).tolist():
-            mine = seen.by_films == element
-            by_sun, share = weight[:, mine] @ peaks[mine], known.shares[times, element]
-            out += np.where(index >= 0, by_sun[:, index] * share * known.sun[times] ** 2, 0)
+        seen, L = self.known.seen, self._suns
+
+        def by_sun(some: np.ndarray) -> np.ndarray:
+            narrow = np.maximum(seen.glow.sharpness[some] - 1, 0)
+            peaks = seen.glow.suns[some].astype(float) ** 2 * narrow
+            return np.asarray(seen.apparent[:, seen.films[some]] @ peaks * L**2)
+
+        return self._weighed(seen.by_films, by_sun, times)
+
+    def _weighed(
+        self, elements: np.ndarray, by_sun: Callable[[np.ndarray], np.ndarray], times: np.ndarray
+    ) -> np.ndarray:
+        """Sums of what is seen by some elements (item,), with their shares, shape (view, time).
+
+        `by_sun` gives the sums (view, sun) over some of the items, bool (item,).
+        """
+        known, index = self.known, self.known.sun_index[times]
+        out = np.zeros((len(known.seen.frames), len(times)))
+        for element in np.unique(elements).tolist():
+            share, lit = known.shares[times, element], np.flatnonzero(index >= 0)
+            if share.any() and len(lit):
+                out[:, lit] += by_sun(elements == element)[:, index[lit]] * share[lit]
         return out
 
 

@@ -267,6 +267,8 @@ def _sums(parts: SourceParts, ahead: np.ndarray, frames: np.ndarray, hours: int)
     source = components(count * views, *_edges_of_views(parts, before, views))
     light = parts.light.at(part).added(source, count * views, before)
     kept = dr.compress(light.solid_angle > LEAST)
+    if not dr.width(kept):
+        return np.zeros((views, hours))
     light, (view, part) = light.at(kept), row_and_column(kept, count)
     axes, towards = flat(frames), dr.normalize(mi.Vector3f(light.flux.xyz))
     rows = (dr.gather(mi.Vector3f, axes, 3 * view + k) for k in range(3))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import sparse
 
 from drcmitsuba.glare_year.luminances import PixelRows
 from drcmitsuba.glare_year.pixels import rays
@@ -11,6 +12,7 @@ from drcmitsuba.glare_year.tiles import EyeTiles
 from drcmitsuba.picture.position_index import position_index
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.flat_arrays import flat
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -89,6 +91,32 @@ def test_sources_of_many_hours_are_those_joined_one_by_one(hours):
     ]
     assert np.min(theirs) > 0
     np.testing.assert_allclose(ours, theirs, rtol=2e-4)
+
+
+def test_pixels_are_sums_of_rows():
+    """Pixels of any number of rows, of none too, against pixels whose sums are made before."""
+    rng, sent = np.random.default_rng(5), rays(np.array([[0.0, 1, 0]]))
+    near = sent.directions @ [0.2, 0.95, 0.1] > 0.97
+    _, tile = np.unique(sent.tile[near], return_inverse=True)
+    first = np.flatnonzero(np.r_[True, np.diff(tile) > 0, True])
+    pixel = np.cumsum(rng.random(near.sum()) < 0.5)
+    frames = frame_of([0, 1, 0.2])[None]
+    tiles = EyeTiles(first, sent.directions[near], pixel, sent.solid_angle, frames[:, 2])
+    weights = sparse.random_array((pixel.max() + 1, 40), density=0.06, rng=rng, dtype=np.float32)
+    values = np.exp(rng.normal(7.5, 1.5, (40, 9))).astype(np.float32)
+    weights = weights.tocsr()
+    assert (np.diff(weights.indptr) == 0).any()
+    of = np.repeat(np.arange(pixel.max() + 1), np.diff(weights.indptr)), weights.indices
+    light = PixelRows(*of, weights.data, flat(values), pixel.max() + 1, 9)
+    L = weights @ values
+    np.testing.assert_allclose(light.luminance(), L, rtol=1e-6)
+    limit = np.full(9, 2000.0)
+    ours, theirs = (
+        contrast_sums(each, tiles, frames, limit, 8000.0) for each in (light, PixelRows.of(L))
+    )
+    assert ((limit < L) & (L < 8000)).any()
+    assert (L > 8000).any()
+    np.testing.assert_allclose(ours, theirs, rtol=1e-5)
 
 
 def test_a_threshold_of_each_view_and_hour_counts():
