@@ -39,6 +39,8 @@ def bright_tiles(
     light: PixelRows, tiles: EyeTiles, threshold: np.ndarray, peak: float
 ) -> Iterator[BrightTiles]:
     """Yield tiles with rays above a threshold (hour,), and those with rays above the peak."""
+    if not len(light.pixel):
+        return
     summands = _summands(light, tiles)
     for low, high in ((threshold, peak), (np.maximum(threshold, peak), np.inf)):
         tile, hour = row_and_column(dr.arange(mi.UInt32, len(tiles) * light.hours), light.hours)

@@ -129,6 +129,8 @@ class Luminances:
         values = dr.zeros(mi.Float, (points + len(others)) * count)
         start = dr.opaque(mi.UInt32, points * count)
         dr.scatter(values, flat(others), start + dr.arange(mi.UInt32, others.size))
+        if not len(lit.time):
+            return values
         column = np.full(len(self.sky), count)
         column[hours] = np.arange(count)
         at = dr.gather(mi.UInt32, flat_indices(column), flat_indices(lit.time))

@@ -149,6 +149,8 @@ def test_dark_hours_have_no_sources():
     sums = contrast_sums(PixelRows.of(np.zeros((1, 4))), tiles, frame_of([0, 1, 0])[None],
                          np.full(4, 2000.0), 5e4)  # fmt: skip
     assert (sums == 0).all()
+    none = PixelRows(*np.zeros((2, 0), int), np.zeros(0, np.float32), flat(np.ones(4)), 1, 4)
+    assert not contrast_sums(none, tiles, frame_of([0, 1, 0])[None], np.zeros(4), 5e4).any()
     assert Rule().dgp(np.zeros(4), sums[0]) == pytest.approx(0.159)
     assert Rule(low_light=True).dgp(np.zeros(4), sums[0]) == pytest.approx(0.0029, abs=1e-4)
 
