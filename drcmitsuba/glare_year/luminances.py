@@ -35,12 +35,6 @@ class PixelRows:
     hours: int
     """Number of hours."""
 
-    @classmethod
-    def of(cls, luminance: np.ndarray) -> PixelRows:
-        """Pixels of known luminances (pixel, hour) [cd/m²], each of which is a row."""
-        each = np.arange(len(luminance))
-        return cls(each, each, np.ones(len(each), np.float32), flat(luminance), *luminance.shape)
-
     def luminance(self) -> np.ndarray:
         """Luminances of the pixels [cd/m²], float32, shape (pixel, hour)."""
         rows = self.values.numpy().reshape(-1, self.hours)
