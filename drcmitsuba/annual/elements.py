@@ -25,17 +25,17 @@ from drcmitsuba.annual.recombined_year import recombined_year, with_open_state
 from drcmitsuba.annual.result import Result, summed_up
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.spectral_year import left_out
-from drcmitsuba.annual.summed_year import accuracy_of
+from drcmitsuba.annual.summed_year import Opened, accuracy_of
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import GroupStates
 from drcmitsuba.case.reading import load_case
 from drcmitsuba.metrics.evaluate_metrics import evaluate_metrics
-from drcmitsuba.plan import Plan, notes, plan
+from drcmitsuba.plan import Plan, notes
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.runtime.threads import one_blas_thread
-from drcmitsuba.scene.fills import Fills, effects_of, names_of, openings_of
+from drcmitsuba.scene.fills import Fills, names_of
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import describe, mean_and_error
@@ -274,12 +274,8 @@ def elements(case: Case | str | Path, fills: Fills = (), stage: Stage = silent) 
     with one_blas_thread():
         with run.timed("sky"):
             light = daylight_and_year(case)
-            planned = plan(case, light)
-            groups = openings_of(case, fills)
-            scope = effects_of(groups, planned.scope, case.effects)
-            planned = replace(planned, scope=scope)
-            run = replace(run, enabled_effects=scope)
+            panes, planned, run = Opened.of(case, fills, light, run)
             accuracy = accuracy_of(case, run)
         with run.timed("elements") as done:
-            channels = light_of_channels(case, groups, light.suns, accuracy, scope, done)
-    return Elements(case, light, planned, run, groups, channels)
+            channels = light_of_channels(case, panes, light.suns, accuracy, planned.scope, done)
+    return Elements(case, light, planned, run, panes, channels)

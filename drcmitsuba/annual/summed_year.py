@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -15,10 +16,12 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import BLOCKED, HIDDEN
 from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.metrics.bin_luminances import source_luminances
+from drcmitsuba.plan import Plan, plan
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
+from drcmitsuba.scene.fills import Fills, effects_of, openings_of
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
@@ -106,11 +109,32 @@ def _content(
     )
 
 
-def accuracy_of(case: Case, run: Run) -> Accuracy:
-    """Samples of light by element, which has neither an adaptive sun nor a target."""
+class Opened(NamedTuple):
+    """Openings of a case with their fills, and what is simulated of them."""
+
+    panes: PaneGroups
+    planned: Plan
+    run: Run
+
+    @classmethod
+    def of(cls, case: Case, fills: Fills, light: Daylight, run: Run) -> Opened:
+        """Open a case whose light is to be summed; errors are those of `openings_of`."""
+        refuse_adaptive(case)
+        planned, panes = plan(case, light), openings_of(case, fills)
+        scope = effects_of(panes, planned.scope, case.effects)
+        return cls(panes, replace(planned, scope=scope), replace(run, enabled_effects=scope))
+
+
+def refuse_adaptive(case: Case) -> None:
+    """Refuse an adaptive sun, whose mesh follows one façade."""
     if isinstance(case.sun, Adaptive):
         got = "adaptive, where light is summed over openings"
         raise InputError(case.source, "sun.model", got, "take another one, or fewer states")
+
+
+def accuracy_of(case: Case, run: Run) -> Accuracy:
+    """Samples of light by element, which has neither an adaptive sun nor a target."""
+    refuse_adaptive(case)
     if case.accuracy.sensor_goal is not None:
         got = "a target, where light is summed over openings"
         raise InputError(case.source, "accuracy.target", got, "leave it out")

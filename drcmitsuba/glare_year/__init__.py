@@ -19,8 +19,8 @@ seen, surface_light, luminance_noise
     their noise.
 luminances
     Luminances of what is seen from a place in a façade.
-tiles, components, sources
-    Rays near each other; graphs; glare sources of every hour.
+tiles, bright_tiles, components, sources
+    Rays near each other, and those that are bright; graphs; glare sources of every hour.
 place
     Sums over the glare sources of a place.
 forecast

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import drjit as dr
 import mitsuba as mi
+from drcmitsuba_plugins.symbolic import symbolic
 
 
 def components(nodes: int, one: mi.UInt32, two: mi.UInt32) -> mi.UInt32:
     """Least node of the component of every node.
 
-    In each round the larger label at an edge takes the smaller one; edges within a component are
-    dropped. Labels are then followed until each node has that of its root.
+    In each round the larger root at an edge takes the smaller one; edges within a component are
+    dropped.
 
     Parameters
     ----------
@@ -23,18 +24,27 @@ def components(nodes: int, one: mi.UInt32, two: mi.UInt32) -> mi.UInt32:
     -------
     mi.UInt32, shape (node,)
     """
-    label = dr.arange(mi.UInt32, nodes)
-    dr.eval(label)
+    root = dr.arange(mi.UInt32, nodes)
+    dr.eval(root)
     while True:
-        ends = dr.gather(mi.UInt32, label, one), dr.gather(mi.UInt32, label, two)
+        ends = dr.gather(mi.UInt32, root, one), dr.gather(mi.UInt32, root, two)
         apart = dr.compress(ends[0] != ends[1])
         if not dr.width(apart):
-            return label
+            return root
         one, two = (dr.gather(mi.UInt32, end, apart) for end in ends)
-        hooked = mi.UInt32(label)
-        dr.eval(hooked, one, two)
-        dr.scatter_reduce(dr.ReduceOp.Min, hooked, dr.minimum(one, two), dr.maximum(one, two))
-        dr.eval(hooked)
-        while not dr.all(hooked == label):
-            label, hooked = hooked, dr.gather(mi.UInt32, hooked, hooked)
-            dr.eval(hooked)
+        forest = mi.UInt32(root)
+        dr.eval(forest, one, two)
+        dr.scatter_reduce(dr.ReduceOp.Min, forest, dr.minimum(one, two), dr.maximum(one, two))
+        root = followed(forest)
+        dr.eval(root)
+
+
+@symbolic
+def followed(forest: mi.UInt32) -> mi.UInt32:
+    """Root of every node of a forest, in which each node names one before it, and a root itself."""
+    root = dr.gather(mi.UInt32, forest, dr.arange(mi.UInt32, dr.width(forest)))
+    up = dr.gather(mi.UInt32, forest, root)
+    while dr.hint(up != root, exclude=[forest]):
+        root = up
+        up = dr.gather(mi.UInt32, forest, root)
+    return root

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -41,19 +42,20 @@ def samples_of(
     seen = {name: np.zeros(shape) for name in ("sums", "sharp")}
     seen["deviations"] = np.zeros((len(E), replicates, times, views), np.float32)
     judged = 0
-    for place in places:
-        at = place.views
-        for k, (shares, fresh) in enumerate(rows):
-            if not len(fresh):
-                continue
-            here = place.in_facade(shares)
-            sums = here.sums(looking, rule, fresh)
-            for name, values in zip(("sums", "sharp"), sums, strict=True):
-                seen[name][k][np.ix_(fresh, at)] = values
-            deviations = here.deviations(looking, rule)
-            seen["deviations"][k][:, :, at] = deviations
-        judged += len(at)
-        done(judged / views)
+    with ThreadPoolExecutor(1) as beside:
+        for place in places:
+            at = place.views
+            for k, (shares, fresh) in enumerate(rows):
+                if not len(fresh):
+                    continue
+                here = place.in_facade(shares)
+                deviations = beside.submit(here.deviations, rule)  # by NumPy, sums by Dr.Jit
+                sums = here.sums(rule, fresh)
+                for name, values in zip(("sums", "sharp"), sums, strict=True):
+                    seen[name][k][np.ix_(fresh, at)] = values
+                seen["deviations"][k][:, :, at] = deviations.result()
+            judged += len(at)
+            done(judged / views)
     alike.fill(E)
     for values in seen.values():
         alike.fill(values)

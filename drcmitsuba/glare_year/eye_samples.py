@@ -86,9 +86,9 @@ def sources_seen(
     with run.timed(f"what is seen, {state}") as done:
         judged = 0
         for place in places(case, state, light, looking, run, rule.least):
-            here = place.sums(looking, rule, np.arange(times))
+            here = place.sums(rule, np.arange(times))
             sums[:, place.views], sharp[:, place.views] = here
-            deviations[:, :, place.views] = place.deviations(looking, rule)
+            deviations[:, :, place.views] = place.deviations(rule)
             judged += len(place.views)
             done(judged / views)
     return {"sums": sums, "sharp": sharp, "deviations": deviations}

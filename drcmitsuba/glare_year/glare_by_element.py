@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike
 
 from drcmitsuba.annual.choice import Choice
 from drcmitsuba.annual.run import Run
+from drcmitsuba.annual.summed_year import Opened
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.reading import load_case
-from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.glare_year.by_element import ElementTracing, EyeIlluminance
 from drcmitsuba.glare_year.element_sampler import note_of, samples_of
 from drcmitsuba.glare_year.eyes import Eyes, eyes
@@ -26,12 +26,10 @@ from drcmitsuba.glare_year.place import SeenPlace
 from drcmitsuba.glare_year.result import GlareYear
 from drcmitsuba.glare_year.rule import Rule
 from drcmitsuba.glare_year.year import rated
-from drcmitsuba.plan import plan
 from drcmitsuba.runtime import backend
-from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.runtime.threads import one_blas_thread
-from drcmitsuba.scene.fills import Fills, effects_of, openings_of
+from drcmitsuba.scene.fills import Fills
 from drcmitsuba.sky.daylight import daylight
 
 
@@ -149,17 +147,10 @@ def glare_elements(
     backend.select()
     run, rule = replace(Run.of(case), stage=stage), Rule() if rule is None else rule
     looking = eyes(case, points)
-    if isinstance(case.sun, Adaptive):
-        got = "adaptive, where light is summed over openings"
-        raise InputError(case.source, "sun.model", got, "take another one")
     with one_blas_thread():
         with run.timed("sky"):
             light = daylight(case)
-            planned = plan(case, light)
-            panes = openings_of(case, fills)
-            scope = effects_of(panes, planned.scope, case.effects)
-            run = replace(run, enabled_effects=scope)
-            planned = replace(planned, scope=scope).summed(always=True)
+            panes, planned, run = Opened.of(case, fills, light, run)
         tracing = ElementTracing(case, panes, light, run)
         illuminance = tracing.at_eyes(looking)
         with run.timed("what is seen") as done:
@@ -168,6 +159,6 @@ def glare_elements(
                 places.append(place)
                 done(sum(len(each.views) for each in places) / len(looking))
         again = note_of(max(place.seen.again for place in places))
-    notes = (*light.notes, *planned.notes(), *again)
+    notes = (*light.notes, *planned.summed(always=True).notes(), *again)
     facades = FacadesOfCase(case, panes, light, run)
     return GlareElements(facades, looking, rule, illuminance, tuple(places), notes)

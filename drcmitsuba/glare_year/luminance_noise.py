@@ -18,7 +18,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from drcmitsuba.glare_year.seen import Seen, sparse
-from drcmitsuba.picture.position_index import position_index
 
 DIM = 1000.0
 """Luminance up to which the noise of a surface is left out [cd/m²]: half of the threshold."""
@@ -31,16 +30,14 @@ class LuminanceNoise:
     point: np.ndarray
     """Surface point of every bright luminance, int, shape (bright,)."""
     time: np.ndarray
-    """Its time stamp, int, shape (bright,)."""
+    """Its time stamp, in rising order, int, shape (bright,)."""
     luminance: np.ndarray
     """Mean luminance [cd/m²], float32, shape (bright,)."""
     deviation: np.ndarray
     """Luminance by each replicate, less the mean [cd/m²], float32, shape (replicate, bright)."""
 
-    def of_sums(
-        self, seen: Seen, shares: np.ndarray, frames: np.ndarray, least: float
-    ) -> np.ndarray:
-        """Deviations of Σ L² ω / P² of some views by each replicate, (replicate, time, view).
+    def of_sums(self, seen: Seen, shares: np.ndarray, least: float) -> np.ndarray:
+        """Deviations of Σ L² ω / P² by each replicate, float32, (replicate, time, view).
 
         Parameters
         ----------
@@ -48,22 +45,17 @@ class LuminanceNoise:
             View whose surfaces these are.
         shares : np.ndarray, shape (time, element + 1)
             Shares of elements by which surfaces are seen, as of `Luminances`.
-        frames : np.ndarray, shape (view, 3, 3)
-            Unit vectors to the right, up and forward of the views.
         least : float
             Luminance above which a pixel is bright [cd/m²].
         """
-        times = len(shares)
-        local = np.einsum("pi,vki->vpk", seen.directions, frames)
-        weights = 2 * seen.tiles.by_pixel / position_index(local) ** 2 * (local[..., 2] > 0)
-        of_points = np.asarray((seen.showing.T @ weights.T).T)
-        share = shares[self.time, seen.surfaces.element[self.point]]
-        counts = np.flatnonzero((least < self.luminance) & (share > 0))
-        time, point = self.time[counts], self.point[counts]
-        bright, deviation = (share * self.luminance)[counts], self.deviation[:, counts].T.copy()
-        out = np.zeros((len(self.deviation), times, len(frames)))
-        for v, slope in enumerate(of_points[:, point] * bright):
-            place = time, np.arange(len(counts))
-            sums = sparse.csr_array((slope.astype(np.float32), place), (times, len(counts)))
-            out[..., v] = (sums @ deviation).T
+        slopes = (2 * seen.of_points).astype(np.float32)
+        share = shares[self.time, seen.surfaces.element.take(self.point)].astype(np.float32)
+        some = np.flatnonzero((least < self.luminance) & (share > 0))
+        first = np.searchsorted(self.time.take(some), np.arange(len(shares) + 1))
+        bright, point = (share * self.luminance).take(some), self.point.take(some)
+        out = np.zeros((len(self.deviation), len(shares), slopes.shape[1]), np.float32)
+        steps = sparse.csr_array((bright, point, first), (len(shares), len(slopes)))
+        for own, deviation in zip(out, self.deviation, strict=True):
+            steps.data = bright * deviation.take(some)
+            own[:] = steps @ slopes
         return out

@@ -1,14 +1,45 @@
-"""Luminances of what is seen from a place, in a façade whose fills are known."""
+"""Luminances of what is seen from a place, in a façade whose fills are known.
+
+The luminance of a pixel is a weighted sum of rows: those of surface points, of patches of ground
+and sky by the shares of openings, and of films.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.glare_year.seen import Seen, sparse
 from drcmitsuba.glare_year.surface_light import SurfaceLuminances
+from drcmitsuba.runtime.flat_arrays import flat, flat_indices
+
+
+@dataclass(frozen=True, eq=False)
+class PixelRows:
+    """Luminances of pixels as sums over rows."""
+
+    pixel: np.ndarray
+    """Pixel of every summand, in rising order, int, shape (summand,)."""
+    row: np.ndarray
+    """Its row, int, shape (summand,)."""
+    weight: np.ndarray
+    """Its weight [–], float32, shape (summand,)."""
+    values: mi.Float
+    """Luminances of the rows [cd/m²], flat (row, hour)."""
+    pixels: int
+    """Number of pixels."""
+    hours: int
+    """Number of hours."""
+
+    def luminance(self) -> np.ndarray:
+        """Luminances of the pixels [cd/m²], float32, shape (pixel, hour)."""
+        rows = self.values.numpy().reshape(-1, self.hours)
+        place = self.pixel, self.row
+        return np.asarray(sparse.csr_array((self.weight, place), (self.pixels, len(rows))) @ rows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +77,12 @@ class Luminances:
         some = np.flatnonzero(self.shares[hours].any(axis=0))
         return np.where(some == self.shares.shape[1] - 1, -1, some).tolist()
 
-    def at(self, hours: np.ndarray, only: int | None = None) -> np.ndarray:
-        """Luminances in some hours, without the disks of the suns, float32, (pixel, hour).
+    def at(self, hours: np.ndarray) -> np.ndarray:
+        """Luminances in some hours, without the disks of the suns, float32, (pixel, hour)."""
+        return self.rows(hours).luminance()
+
+    def rows(self, hours: np.ndarray, only: int | None = None) -> PixelRows:
+        """Luminances in some hours, without the disks of the suns.
 
         With `only` an element, it is what is seen by the whole of this one alone.
         """
@@ -55,47 +90,56 @@ class Luminances:
         if only is not None:
             shares = np.zeros_like(shares)
             shares[:, only] = 1
-        return self._of_sky(hours, shares) + self._of_surfaces(hours, shares) + self._of_films(
-            hours, shares
-        )  # fmt: skip
+        seen, counts, points = self.seen, shares.any(axis=0), len(self.seen.surfaces.points)
+        (pixel, point), weight = seen.showing.tocoo().coords, seen.showing.data
+        shown = counts[seen.surfaces.element[point]]
+        summands = [(pixel[shown], point[shown], weight[shown])]
+        sky = np.ascontiguousarray(self.sky[hours].T, np.float32)
+        blocks, row = [sky], points + len(sky)
+        for element, part in seen.sky.items():
+            if not counts[element]:
+                continue
+            start, share = points, shares[:, element]
+            if not (share == 1).all():
+                blocks.append(sky * share)
+                start, row = row, row + len(sky)
+            pixel, patch = part.tocoo().coords
+            summands.append((pixel, start + patch, part.data))
+        some = np.flatnonzero(counts[seen.by_films])
+        if len(some):
+            blocks.append(self._of_films(hours, shares, some))
+            ones = np.ones(len(some), np.float32)
+            summands.append((seen.films[some], row + np.arange(len(some)), ones))
+        pixels, rows, weights = (np.concatenate(column) for column in zip(*summands, strict=True))
+        order = np.argsort(pixels, kind="stable")
+        values = self._with_surfaces(np.concatenate(blocks), hours, shares)
+        size = len(seen.directions), len(hours)
+        return PixelRows(pixels[order], rows[order], weights[order], values, *size)
 
-    def _of_sky(self, hours: np.ndarray, shares: np.ndarray) -> np.ndarray:
-        """Luminance of ground and sky behind the panes."""
-        sky, always = np.ascontiguousarray(self.sky[hours].T, np.float32), []
-        out = np.zeros((len(self.seen.directions), len(hours)), np.float32)
-        for element, part in self.seen.sky.items():
-            share = shares[:, element]
-            if (share == 1).all():
-                always.append(part)
-            elif share.any():
-                some = np.flatnonzero(share)
-                out[:, some] += part @ np.ascontiguousarray(sky[:, some] * share[some])
-        if always:
-            out += sum(always[1:], always[0]) @ sky
-        return out
+    def _with_surfaces(self, others: np.ndarray, hours: np.ndarray, shares: np.ndarray) -> mi.Float:
+        """Rows of the surface points, as far as elements show them, and others (row, hour)."""
+        lit, count = self.surfaces, len(hours)
+        points, elements = len(self.seen.surfaces.points), shares.shape[1]
+        values = dr.zeros(mi.Float, (points + len(others)) * count)
+        start = dr.opaque(mi.UInt32, points * count)
+        dr.scatter(values, flat(others), start + dr.arange(mi.UInt32, others.size))
+        if not len(lit.time):
+            return values
+        column = np.full(len(self.sky), count)
+        column[hours] = np.arange(count)
+        at = dr.gather(mi.UInt32, flat_indices(column), flat_indices(lit.time))
+        point, width = flat_indices(lit.point), dr.opaque(mi.UInt32, count)
+        by = dr.gather(mi.UInt32, flat_indices(self.seen.surfaces.element % elements), point)
+        active = at < width
+        share = dr.gather(mi.Float, flat(shares.T), by * width + at, active)
+        dr.scatter(values, share * flat(lit.luminance), point * width + at, active)
+        dr.eval(values)
+        return values
 
-    def _of_surfaces(self, hours: np.ndarray, shares: np.ndarray) -> np.ndarray:
-        """Luminance of surfaces."""
-        lit, surfaces = self.surfaces, self.seen.surfaces
-        column = np.full(len(self.sky), -1)
-        column[hours] = np.arange(len(hours))
-        at = column[lit.time]
-        here = np.flatnonzero(at >= 0)
-        point, at = lit.point[here], at[here]
-        L = np.zeros((len(surfaces.points), len(hours)), np.float32)
-        L[point, at] = lit.luminance[here] * shares[at, surfaces.element[point]]
-        return np.asarray(self.seen.showing @ L)
-
-    def _of_films(self, hours: np.ndarray, shares: np.ndarray) -> np.ndarray:
-        """Luminance of films and rough mirrors that glow."""
+    def _of_films(self, hours: np.ndarray, shares: np.ndarray, some: np.ndarray) -> np.ndarray:
+        """Luminance of some films and rough mirrors that glow, shape (end, hour)."""
         seen, lit = self.seen, self.sun_index[hours] >= 0
-        shape = len(seen.directions), len(hours)
-        some = np.flatnonzero(shares[:, seen.by_films].any(axis=0))
-        if not len(some):
-            return np.zeros(shape, np.float32)
         shining = seen.glow.sky[some] @ np.ascontiguousarray(self.sky[hours].T, np.float32)
         suns = seen.glow.suns[some][:, self.sun_index[hours][lit]]
         shining[:, lit] += suns * self.sun[hours][lit].astype(np.float32)
-        shining *= shares[:, seen.by_films[some]].T
-        ones, place = np.ones(len(some), np.float32), (seen.films[some], np.arange(len(some)))
-        return np.asarray(sparse.csr_array((ones, place), (shape[0], len(some))) @ shining)
+        return np.asarray(shining * shares[:, seen.by_films[some]].T)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from drcmitsuba.annual.run import Run
 from drcmitsuba.case.case import Case
 from drcmitsuba.glare_year.eyes import Eyes
 from drcmitsuba.glare_year.luminance_noise import DIM
-from drcmitsuba.glare_year.luminances import Luminances
+from drcmitsuba.glare_year.luminances import Luminances, PixelRows
 from drcmitsuba.glare_year.openings import SeenOpenings
 from drcmitsuba.glare_year.rule import Rule
 from drcmitsuba.glare_year.seen import Seen, SeenSurfaces, seen
@@ -39,7 +39,7 @@ class PlaceInFacade:
     """Indices of the views, int, shape (view,)."""
     known: Luminances
 
-    def deviations(self, eyes: Eyes, rule: Rule) -> np.ndarray:
+    def deviations(self, rule: Rule) -> np.ndarray:
         """Deviations of the sums of `sums` from their means by each replicate of C.
 
         Returns
@@ -47,10 +47,9 @@ class PlaceInFacade:
         np.ndarray, shape (replicate, time, view)
         """
         known, least = self.known, max(rule.least, DIM)
-        noise = known.surfaces.noise
-        return noise.of_sums(known.seen, known.shares, eyes.frames[self.views], least)
+        return known.surfaces.noise.of_sums(known.seen, known.shares, least)
 
-    def sums(self, eyes: Eyes, rule: Rule, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def sums(self, rule: Rule, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Σ L² ω / P² of the views at some time stamps, and that of peaks as sharp as suns.
 
         Where fills share an opening, the sum is that of the sources seen by each element, which
@@ -61,66 +60,79 @@ class PlaceInFacade:
         by_file, sharp : np.ndarray, shape (time, view)
             Sums with film peaks as wide as the cells of their BSDF, and as wide as a sun's disk.
         """
-        known, frames = self.known, eyes.frames[self.views]
+        known, frames = self.known, self.known.seen.frames
         out = np.zeros((len(self.views), len(times)))
         whole = known.is_whole[times]
         tiles = known.seen.tiles.opened(rule.opening)
-        count = len(tiles.rays)  # 0 where nothing is ever bright
-        shining = known.may_exceed(rule.least)[times] & (count > 0)
-        step = max(64, LUMINANCES // max(1, count))
-        for kind, is_mixed in ((shining & whole, False), (shining & ~whole, True)):
-            some = np.flatnonzero(kind)
+        shining = known.may_exceed(rule.least)[times] & (len(tiles) > 0)  # some are ever bright
+        step = max(64, LUMINANCES // max(1, len(known.seen.directions)))
+        for some in (np.flatnonzero(shining & whole), np.flatnonzero(shining & ~whole)):
             for start in range(0, len(some), step):
                 here = some[start : start + step]
-                hours, L = times[here], None
-                for element in known.elements(hours) if is_mixed else (None,):
-                    part = known.at(hours, element)
-                    L = part if not is_mixed else known.at(hours) if L is None else L
-                    limit = self._limit(L, frames, rule)
+                hours = times[here]
+                L = known.rows(hours)
+                limit, parts = self._limit(L, frames, rule), [(1.0, L)]
+                if not whole[here[0]]:
+                    parts = [(known.shares[hours, e], known.rows(hours, e))
+                             for e in known.elements(hours)]  # fmt: skip
+                for share, part in parts:
                     own = contrast_sums(part, tiles, frames, limit, rule.peak)
-                    out[:, here] += own if element is None else known.shares[hours, element] * own
-        out += self._of_suns(frames, times, rule.least)
-        return out.T, (out + self._sharp(frames, times)).T
+                    out[:, here] += share * own
+        out += self._of_suns(times, rule.least)
+        return out.T, (out + self._sharp(times)).T
 
-    def _limit(self, L: np.ndarray, frames: np.ndarray, rule: Rule) -> np.ndarray:
+    def _limit(self, L: PixelRows, frames: np.ndarray, rule: Rule) -> np.ndarray:
         """Luminance above which a pixel is bright [cd/m²], (hour,) or (view, hour)."""
         if rule.least:
-            return np.full(L.shape[1], rule.threshold)
-        return rule.threshold * (_weights(self.known.seen, frames) @ L)
+            return np.full(L.hours, rule.threshold)
+        return rule.threshold * (_weights(self.known.seen, frames) @ L.luminance())
 
-    def _of_suns(self, frames: np.ndarray, times: np.ndarray, least: float) -> np.ndarray:
-        """Σ L² ω / P² of the suns' disks, shape (view, time)."""
-        known, images = self.known, self.known.seen.images
-        index, out = known.sun_index[times], np.zeros((len(frames), len(times)))
-        count = int(known.sun_index.max(initial=-1)) + 1
-        L = np.zeros(count)
-        L[index[index >= 0]] = known.sun[times][index >= 0]
-        for element in np.unique(known.seen.by_images).tolist():
-            mine = images.take(known.seen.by_images == element)
-            shown = L[mine.sun] * mine.transmittance
-            local = np.einsum("mi,vki->vmk", mine.direction, frames)
-            parts = shown**2 * mine.solid_angle / position_index(local) ** 2
-            parts *= (local[..., 2] > 0) & (shown > least)
-            by_sun = np.stack([np.bincount(mine.sun, values, count) for values in parts])
-            share = known.shares[times, element]
-            out += np.where(index >= 0, by_sun[:, index] * share, 0)
+    @property
+    def _suns(self) -> np.ndarray:
+        """Luminance of every sun [cd/m²], shape (sun,)."""
+        index, lit = self.known.sun_index, self.known.sun_index >= 0
+        out = np.zeros(int(index.max(initial=-1)) + 1)
+        out[index[lit]] = self.known.sun[lit]
         return out
 
-    def _sharp(self, frames: np.ndarray, times: np.ndarray) -> np.ndarray:
+    def _of_suns(self, times: np.ndarray, least: float) -> np.ndarray:
+        """Σ L² ω / P² of the suns' disks, shape (view, time)."""
+        images, L = self.known.seen.images, self._suns
+
+        def by_sun(some: np.ndarray) -> np.ndarray:
+            mine = images.take(some)
+            shown = L[mine.sun] * mine.transmittance
+            local = np.einsum("mi,vki->vmk", mine.direction, self.known.seen.frames)
+            parts = shown**2 * mine.solid_angle / position_index(local) ** 2
+            parts *= (local[..., 2] > 0) & (shown > least)
+            return np.stack([np.bincount(mine.sun, values, len(L)) for values in parts])
+
+        return self._weighed(self.known.seen.by_images, by_sun, times)
+
+    def _sharp(self, times: np.ndarray) -> np.ndarray:
         """Growth of Σ L² ω / P² where peaks of films are as narrow as a sun, (view, time)."""
-        known, seen = self.known, self.known.seen
-        index, out = known.sun_index[times], np.zeros((len(frames), len(times)))
-        if not seen.glow.suns.size:
-            return out
-        local = np.einsum("pi,vki->vpk", seen.directions[seen.films], frames)
-        weight = seen.tiles.by_pixel[seen.films] / position_index(local) ** 2
-        weight *= local[..., 2] > 0
-        narrow = np.maximum(seen.glow.sharpness - 1, 0)
-        peaks = seen.glow.suns.astype(float) ** 2 * narrow
-        for element in np.unique(seen.by_films).tolist():
-            mine = seen.by_films == element
-            by_sun, share = weight[:, mine] @ peaks[mine], known.shares[times, element]
-            out += np.where(index >= 0, by_sun[:, index] * share * known.sun[times] ** 2, 0)
+        seen, L = self.known.seen, self._suns
+
+        def by_sun(some: np.ndarray) -> np.ndarray:
+            narrow = np.maximum(seen.glow.sharpness[some] - 1, 0)
+            peaks = seen.glow.suns[some].astype(float) ** 2 * narrow
+            return np.asarray(seen.apparent[:, seen.films[some]] @ peaks * L**2)
+
+        return self._weighed(seen.by_films, by_sun, times)
+
+    def _weighed(
+        self, elements: np.ndarray, by_sun: Callable[[np.ndarray], np.ndarray], times: np.ndarray
+    ) -> np.ndarray:
+        """Sums of what is seen by some elements (item,), with their shares, shape (view, time).
+
+        `by_sun` gives the sums (view, sun) over some of the items, bool (item,).
+        """
+        known, index = self.known, self.known.sun_index[times]
+        out = np.zeros((len(known.seen.frames), len(times)))
+        for element in np.unique(elements).tolist():
+            share, lit = known.shares[times, element], np.flatnonzero(index >= 0)
+            if share.any() and len(lit):
+                out[:, lit] += by_sun(elements == element)[:, index[lit]] * share[lit]
         return out
 
 
@@ -157,7 +169,7 @@ class SeenPlace:
         shown = self.seen
         return sorted({*shown.sky, *shown.by_films.tolist(), *shown.by_images.tolist()})
 
-    def sums_by(self, element: int, eyes: Eyes, rule: Rule) -> np.ndarray:
+    def sums_by(self, element: int, rule: Rule) -> np.ndarray:
         """Σ L² ω / P² over the sources that are seen by the whole of one element alone.
 
         Surfaces are left out.
@@ -171,7 +183,7 @@ class SeenPlace:
         shares[:, element] = 1
         none = self.light.of_points(np.full(len(self.seen.surfaces.points), -1)).in_facade(shares)
         known = Luminances(self.seen, self.sky, self.sun, self.sun_index, none, shares)
-        return PlaceInFacade(self.views, known).sums(eyes, rule, np.arange(times))[0]
+        return PlaceInFacade(self.views, known).sums(rule, np.arange(times))[0]
 
     def of_sources(self, least: float) -> SeenPlace:
         """Place with only those tiles that may be brighter than `least` [cd/m²] at some hour."""
@@ -184,7 +196,7 @@ class SeenPlace:
         ahead = np.maximum.reduceat(may[shown.tiles.pixel], shown.tiles.first[:-1])
         of_points = np.full(len(shown.surfaces.points), -1)
         of_points[points] = np.arange(len(points))
-        kept = shown.of_tiles(ahead).of_points(points)
+        kept = shown.of_tiles(ahead).with_points(points)
         return replace(self, seen=kept, light=light.of_points(of_points))
 
 
@@ -225,7 +237,7 @@ def seen_places(
 
     def shown(i: int, views: np.ndarray) -> Seen:
         return seen(
-            scenes, channels, openings, looking.points[views[0]], looking.forward[views], suns,
+            scenes, channels, openings, looking.points[views[0]], looking.frames[views], suns,
             case.outside.sun_diameter, case.sky.subdivision, run.seed + i,
         )  # fmt: skip
 

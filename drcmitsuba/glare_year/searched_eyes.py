@@ -39,7 +39,6 @@ from drcmitsuba.glare_year.rule import Rule
 from drcmitsuba.glare_year.surface_light import FIRST
 from drcmitsuba.glare_year.year import glare, rated
 from drcmitsuba.metrics import smooth_step
-from drcmitsuba.picture.position_index import position_index
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.runtime.progress import Stage
 from drcmitsuba.runtime.random_streams import Stream, case_seed
@@ -106,8 +105,8 @@ class SearchedEyes:
             for place in _few(tracing).places(looking, RULE.least):
                 for element in place.sources:
                     S = sums.setdefault(element, np.zeros((times, views), np.float32))
-                    S[:, place.views] = place.sums_by(element, looking, RULE)
-                surfaces.append(_surfaces(place, looking, count))
+                    S[:, place.views] = place.sums_by(element, RULE)
+                surfaces.append(_surfaces(place, len(looking), count))
                 judged += len(place.views)
                 done(judged / views)
         numbers = np.array([count if e == BESIDES else e for e in sums], int)
@@ -247,12 +246,9 @@ def _taken(values: mi.Float, index: np.ndarray) -> mi.Float:
     return dr.gather(mi.Float, values, flat_indices(index))
 
 
-def _surfaces(place: SeenPlace, looking: Eyes, count: int) -> _Surfaces:
-    """Bright surfaces of a place; `count` is the number of all elements."""
+def _surfaces(place: SeenPlace, views: int, count: int) -> _Surfaces:
+    """Bright surfaces of a place; there are so many views and elements in all."""
     light, seen = place.light, place.seen
-    local = np.einsum("pi,vki->vpk", seen.directions, looking.frames[place.views])
-    weights = seen.tiles.by_pixel / position_index(local) ** 2 * (local[..., 2] > 0)
-    of_points = np.asarray((seen.showing.T @ weights.T).T)
 
     def numbered(elements: np.ndarray) -> np.ndarray:
         return np.where(elements == BESIDES, count, elements)
@@ -262,6 +258,6 @@ def _surfaces(place: SeenPlace, looking: Eyes, count: int) -> _Surfaces:
         numbered(np.array(light.rows.elements, int)[lit]),
         tuple(flat(light.luminance[k]) for k in lit),
         flat_indices(numbered(seen.surfaces.element[light.point])),
-        flat_indices(light.time * len(looking)),
-        tuple((int(v), flat(of_points[i, light.point])) for i, v in enumerate(place.views)),
+        flat_indices(light.time * views),
+        tuple((int(v), flat(seen.of_points[light.point, i])) for i, v in enumerate(place.views)),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import mitsuba as mi
@@ -16,6 +17,7 @@ from drcmitsuba.glare_year.openings import SeenOpenings
 from drcmitsuba.glare_year.pixels import EyeRays, merged, rays
 from drcmitsuba.glare_year.suns import Images, images
 from drcmitsuba.glare_year.tiles import EyeTiles
+from drcmitsuba.picture.position_index import position_index
 from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene.scene import Scene
@@ -75,6 +77,8 @@ class Seen:
     that is seen counts with the share that its element takes of its opening.
     """
 
+    frames: np.ndarray
+    """Unit vectors to the right, up and forward of the views, shape (view, 3, 3)."""
     tiles: EyeTiles
     directions: np.ndarray
     """Unit vectors to the pixels, shape (pixel, 3)."""
@@ -97,6 +101,18 @@ class Seen:
     again: float
     """Sum of the weights of ends beyond two openings, over the number of rays [–]."""
 
+    @cached_property
+    def apparent(self) -> np.ndarray:
+        """ω / P² of the pixels before each view [sr], shape (view, pixel)."""
+        local = np.einsum("pi,vki->vpk", self.directions, self.frames)
+        before = local[..., 2] > 0
+        return np.asarray(before * self.tiles.by_pixel / position_index(local) ** 2)
+
+    @cached_property
+    def of_points(self) -> np.ndarray:
+        """ω / P² of the pixels that show each surface point [sr], shape (point, view)."""
+        return np.asarray(self.showing.T @ self.apparent.T)
+
     def of_tiles(self, kept: np.ndarray) -> Seen:
         """View of some tiles, bool (tile,)."""
         tiles, pixels = self.tiles.take(kept)
@@ -111,7 +127,7 @@ class Seen:
             by_films=self.by_films[films], glow=glow,
         )  # fmt: skip
 
-    def of_points(self, kept: np.ndarray) -> Seen:
+    def with_points(self, kept: np.ndarray) -> Seen:
         """View of some of the surface points, by their indices (point,)."""
         showing = self.showing[:, kept].tocsr()
         return replace(self, surfaces=self.surfaces.take(kept), showing=showing)
@@ -182,7 +198,7 @@ class _Trace:
 
 def seen(
     scenes: Sequence[Scene], channels: tuple[int, ...], openings: SeenOpenings | None,
-    place: np.ndarray, forward: np.ndarray, suns: np.ndarray, diameter: float, subdivision: int,
+    place: np.ndarray, frames: np.ndarray, suns: np.ndarray, diameter: float, subdivision: int,
     seed: int,
 ) -> Seen:  # fmt: skip
     """Trace what is seen from a place.
@@ -197,8 +213,8 @@ def seen(
         Openings; without them there is one scene.
     place : np.ndarray, shape (3,)
         Place of the eye [m].
-    forward : np.ndarray, shape (view, 3)
-        Lines of sight.
+    frames : np.ndarray, shape (view, 3, 3)
+        Unit vectors to the right, up and forward of the views.
     suns : np.ndarray, shape (sun, 3)
         Unit vectors to the suns.
     diameter : float
@@ -207,6 +223,7 @@ def seen(
         Reinhart's factor MF of the sky.
     seed : int
     """
+    forward = frames[:, 2]
     sent = rays(forward)
     count = len(sent.directions)
     traces = [
@@ -231,7 +248,7 @@ def seen(
         shown.append(own.take(t.counts(own.opening, fill)))
     by_images = [t.elements[own.opening] for t, own in zip(traces, shown, strict=True)]
     return Seen(
-        tiles, sent.directions[kept], _of_sky(traces, at, len(kept), subdivision),
+        frames, tiles, sent.directions[kept], _of_sky(traces, at, len(kept), subdivision),
         SeenSurfaces.joined([points for points, _ in surfaces]),
         sparse.hstack([showing for _, showing in surfaces]).tocsr(),
         np.concatenate([at[t.films.ray] for t in traces]),

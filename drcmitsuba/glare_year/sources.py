@@ -13,19 +13,24 @@ the position index P_s of each source.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.symbolic import symbolic
 
-from drcmitsuba.glare_year.components import components
+from drcmitsuba.glare_year.bright_tiles import BrightTiles, bright_tiles
+from drcmitsuba.glare_year.components import components, followed
+from drcmitsuba.glare_year.luminances import PixelRows
 from drcmitsuba.glare_year.tiles import GROUPS, EyeTiles, Links
 from drcmitsuba.picture.position_index import position_index
-from drcmitsuba.runtime.flat_arrays import flat, flat_indices
+from drcmitsuba.runtime.flat_arrays import flat, flat_indices, row_and_column
 
 LEAST = 1e-12
 """Smallest solid angle of a source [sr]."""
+DARK = (1 << 32) - 1
+"""In place of the number of a bright tile: it is dark."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,27 +40,43 @@ class SourceParts:
     tile: mi.UInt32
     """One of the tiles of every part."""
     hour: mi.UInt32
-    solid_angle: mi.Float
-    """[sr]"""
-    flux: mi.Float
-    """Luminance · solid angle [cd/m² sr]."""
-    moment: mi.Vector3f
-    """Sum of the directions of the tiles, weighted by their flux [cd/m² sr]."""
+    light: SourceLight
     one: mi.UInt32
     """Part at the first end of each link between parts that not all the same views see."""
     two: mi.UInt32
     """Part at its other end."""
 
 
+class SourceLight(NamedTuple):
+    """Sums over the rays of sources, or of parts of them."""
+
+    solid_angle: mi.Float64
+    """[sr]"""
+    flux: mi.Vector4d
+    """Sums of directions weighted by luminance · solid angle, and of the weights [cd/m² sr]."""
+
+    def added(self, slot: mi.UInt32, count: int, active: mi.Bool | bool = True) -> SourceLight:
+        """Sums by slot, of which there are `count`."""
+        solid_angle, flux = dr.zeros(mi.Float64, count), dr.zeros(mi.Float64, 4 * count)
+        dr.scatter_add(solid_angle, self.solid_angle, slot, active)
+        dr.scatter_add(flux, self.flux, slot, active)
+        dr.eval(solid_angle, flux)
+        return SourceLight(solid_angle, dr.gather(mi.Vector4d, flux, dr.arange(mi.UInt32, count)))
+
+    def at(self, index: mi.UInt32) -> SourceLight:
+        """Those of some of the sources."""
+        return SourceLight(*(dr.gather(type(each), each, index) for each in self))
+
+
 def contrast_sums(
-    luminance: np.ndarray, tiles: EyeTiles, frames: np.ndarray, threshold: np.ndarray, peak: float
+    light: PixelRows, tiles: EyeTiles, frames: np.ndarray, threshold: np.ndarray, peak: float
 ) -> np.ndarray:
     """Σ L_s² ω_s / P_s² of some views from one place, in some hours.
 
     Parameters
     ----------
-    luminance : np.ndarray, shape (pixel, hour)
-        Luminance of the pixels, without the suns' disks [cd/m²].
+    light : PixelRows
+        Luminances of the pixels, without the suns' disks.
     tiles : Tiles
     frames : np.ndarray, shape (view, 3, 3)
         Unit vectors to the right, up and forward of the views of `tiles`.
@@ -69,177 +90,193 @@ def contrast_sums(
     np.ndarray, shape (view, hour)
         Sums [cd²/m⁴ sr].
     """
-    views = np.arange(len(frames))
-    out = np.zeros((len(frames), luminance.shape[1]))
-    L = flat(luminance)
-    alike = threshold.ndim == 1
+    views, alike = np.arange(len(frames)), threshold.ndim == 1
+    out = np.zeros((len(frames), light.hours))
     for some, limit in (
         [(views, threshold)] if alike else zip(views[:, None], threshold, strict=True)
     ):
-        for parts in _bright(L, tiles, limit, peak):
-            out[some] += _sums(parts, tiles.ahead[some], frames[some], out.shape[1])
+        for bright in bright_tiles(light, tiles, limit, peak):
+            parts = _parts(bright, tiles)
+            out[some] += _sums(parts, tiles.ahead[some], frames[some], light.hours)
     return out
 
 
-def _bright(L: mi.Float, tiles: EyeTiles, threshold: np.ndarray, peak: float) -> list[SourceParts]:
-    """Parts of sources below the peak, and of those above it."""
-    hours = dr.opaque(mi.UInt32, len(threshold))
-    lane = dr.arange(mi.UInt32, len(tiles) * len(threshold))
-    limit = dr.gather(mi.Float, flat(threshold), lane % hours)
-    members = (flat_indices(column) for column in tiles.members)
-    every, peaks, sums = _tile_sums(L, lane, hours, *members, limit, dr.opaque(mi.Float, peak))
-    dr.eval(every, peaks, sums)
-    omega = mi.Float(tiles.solid_angle)
-    below = omega * mi.Float(dr.popcnt(every & ~peaks)), omega * sums[0]
-    kinds = [_joined(tiles, every, below, hours)]  # peaks join, too
-    if dr.any(peaks > 0):
-        above = omega * mi.Float(dr.popcnt(peaks)), omega * sums[1]
-        kinds.append(_joined(tiles, peaks, above, hours))
-    return [parts for parts in kinds if parts is not None]
+def _parts(bright: BrightTiles, tiles: EyeTiles) -> SourceParts:
+    """Parts that bright tiles make."""
+    alike, others = tiles.links
+    root = _joined(bright, alike, len(tiles))
+    is_root = root == dr.arange(mi.UInt32, dr.width(root))
+    part = dr.gather(mi.UInt32, dr.cumsum(dr.select(is_root, mi.UInt32(1), 0)) - 1, root)
+    tops = dr.compress(is_root)
+    direction = dr.gather(mi.Vector3f, flat(tiles.direction), bright.tile)
+    flux = tiles.solid_angle * mi.Float64(bright.total)
+    light = SourceLight(
+        tiles.solid_angle * mi.Float64(bright.count),
+        mi.Vector4d(*(flux * mi.Float64(axis) for axis in direction), flux),
+    )
+    tile, hour = (dr.gather(mi.UInt32, values, tops) for values in (bright.tile, bright.hour))
+    across = _across(bright, others, len(tiles), part)
+    return SourceParts(tile, hour, light.added(part, dr.width(tops)), *across)
+
+
+def _joined(bright: BrightTiles, links: Links, tiles: int) -> mi.UInt32:
+    """First of the bright tiles that links join with each of them.
+
+    In each round tiles take the next link that leads to another root, and the larger root follows
+    the smallest one that it is joined with. A tile without such a link will never have one.
+    """
+    root = dr.arange(mi.UInt32, dr.width(bright.at))
+    if not len(links.one):
+        return root
+    first, each = (
+        flat_indices(links.first(tiles)),
+        (flat_indices(links.two), flat_indices(links.reach)),
+    )
+    shown, hours = (
+        dr.full(mi.UInt32, DARK, dr.width(bright.rays)),
+        dr.opaque(mi.UInt32, bright.hours),
+    )
+    searching, link = root, dr.gather(mi.UInt32, first, bright.tile)
+    while True:
+        dr.scatter(shown, root, bright.at)
+        dr.eval(shown, root)
+        tile, hour, own = (
+            dr.gather(mi.UInt32, of, searching) for of in (bright.tile, bright.hour, root)
+        )
+        end = dr.gather(mi.UInt32, first, tile + 1)
+        other, link = _first_apart(link, end, tile, hour, own, hours, bright.rays, shown, *each)
+        dr.eval(own, other, link)
+        kept = dr.compress(other != DARK)
+        if not dr.width(kept):
+            return root
+        low, high = dr.minimum(own, other), dr.maximum(own, other)
+        if searching is root:  # each of them follows a tile before it
+            forest = low
+        else:
+            forest = mi.UInt32(root)
+            dr.scatter_reduce(dr.ReduceOp.Min, forest, low, high, other != DARK)
+        dr.eval(forest)
+        root = followed(forest)
+        searching, link = (dr.gather(mi.UInt32, of, kept) for of in (searching, link))
 
 
 @symbolic
-def _tile_sums(
-    L: mi.Float, lane: mi.UInt32, hours: mi.UInt32, first: mi.UInt32, pixel: mi.UInt32,
-    rays: mi.UInt32, limit: mi.Float, peak: mi.Float,
-) -> tuple[mi.UInt32, mi.UInt32, tuple[mi.Float, mi.Float]]:  # fmt: skip
-    """Bright rays of each tile and hour and those above the peak, as bits; sums of luminances."""
-    tile, hour = lane // hours, lane % hours
-    member, end = dr.gather(mi.UInt32, first, tile), dr.gather(mi.UInt32, first, tile + 1)
-    every, peaks = mi.UInt32(0), mi.UInt32(0)
-    below, above = mi.Float(0), mi.Float(0)
-    while dr.hint(member < end, exclude=[L, hours, pixel, rays, limit, peak, hour]):
-        value = dr.gather(mi.Float, L, dr.gather(mi.UInt32, pixel, member) * hours + hour)
-        bits = dr.gather(mi.UInt32, rays, member)
-        is_bright = value > limit
-        is_peak = is_bright & (value > peak)
-        total = value * mi.Float(dr.popcnt(bits))
-        every |= dr.select(is_bright, bits, 0)
-        peaks |= dr.select(is_peak, bits, 0)
-        below += dr.select(is_bright & ~is_peak, total, 0)
-        above += dr.select(is_peak, total, 0)
-        member += 1
-    return every, peaks, (below, above)
+def _first_apart(
+    link: mi.UInt32, end: mi.UInt32, tile: mi.UInt32, hour: mi.UInt32, root: mi.UInt32,
+    hours: mi.UInt32, rays: mi.UInt32, shown: mi.UInt32, two: mi.UInt32, reach: mi.UInt32,
+) -> tuple[mi.UInt32, mi.UInt32]:  # fmt: skip
+    """Another root than that of some bright tiles, or `DARK`, and the link to it.
 
-
-def _joined(
-    tiles: EyeTiles, bits: mi.UInt32, sums: tuple[mi.Float, mi.Float], hours: mi.UInt32
-) -> SourceParts | None:
-    """Parts that the bright rays of every hour make.
-
-    Parameters
-    ----------
-    bits : mi.UInt32, shape (tile · hour,)
-        Bright rays.
-    sums : tuple of mi.Float, shape (tile · hour,)
-        Solid angle [sr] and luminance · solid angle [cd/m² sr] of what counts of a tile.
+    `shown` are the roots of all tiles in all hours, those of dark tiles `DARK`.
     """
-    at = dr.compress(bits > 0)
-    entries = dr.width(at)
-    if not entries:
-        return None
-    number = dr.zeros(mi.UInt32, dr.width(bits))
-    dr.eval(number)
-    dr.scatter(number, dr.arange(mi.UInt32, entries), at)
-    dr.eval(number)
-    tile, hour = at // hours, at % hours
-    dr.eval(tile, hour)
-    alike, across = _edges(tiles.links, tile, hour, bits, number, hours)
-    label = components(entries, *alike)
-    root = label == dr.arange(mi.UInt32, entries)
-    part = dr.gather(mi.UInt32, dr.cumsum(dr.select(root, mi.UInt32(1), 0)) - 1, label)
-    tops = dr.compress(root)
-    omega, flux = (dr.gather(mi.Float, values, at) for values in sums)
-    moment = flux * dr.gather(mi.Vector3f, flat(tiles.direction), tile)
-    solid_angle, total, *moments = _added((omega, flux, *moment), part, dr.width(tops))
-    one, two = (dr.gather(mi.UInt32, part, end) for end in across)
-    return SourceParts(
-        dr.gather(mi.UInt32, tile, tops), dr.gather(mi.UInt32, hour, tops), solid_angle, total,
-        mi.Vector3f(*moments), one, two,
-    )  # fmt: skip
+    own, other = dr.gather(mi.UInt32, rays, tile * hours + hour), mi.UInt32(DARK)
+    while dr.hint(
+        (link < end) & (other == DARK),
+        exclude=[end, hour, root, hours, rays, shown, two, reach, own],
+    ):
+        there = dr.gather(mi.UInt32, two, link) * hours + hour
+        of_there = dr.gather(mi.UInt32, shown, there)
+        apart = (of_there != DARK) & (of_there != root)
+        if dr.hint(apart, exclude=[link, own, rays, there, reach]):
+            apart = _met(link, own, dr.gather(mi.UInt32, rays, there), reach)
+        other = dr.select(apart, of_there, other)
+        link = dr.select(apart, link, link + 1)
+    return other, link
 
 
-def _added(
-    values: tuple[mi.Float, ...], slot: mi.UInt32, count: int, active: mi.Bool | bool = True
-) -> list[mi.Float]:
-    """Sums of columns by slot."""
-    columns = []
-    for one in values:
-        column = dr.zeros(mi.Float, count)
-        dr.scatter_add(column, one, slot, active)
-        columns.append(column)
-    dr.eval(columns)
-    return columns
-
-
-def _edges(
-    links: Links, tile: mi.UInt32, hour: mi.UInt32, bits: mi.UInt32, number: mi.UInt32,
-    hours: mi.UInt32,
-) -> list[tuple[mi.UInt32, mi.UInt32]]:  # fmt: skip
-    """Edges between bright tiles of each hour: those that the same views see, and others.
-
-    Parameters
-    ----------
-    links : Links
-    tile, hour : mi.UInt32, shape (node,)
-        Bright tile and its hour.
-    bits, number : mi.UInt32, shape (tile · hour,)
-        Bright rays, and the node of a bright tile.
-    """
-    most = int(np.diff(links.first).max(initial=0))
-    if not most:
-        return [(mi.UInt32(), mi.UInt32())] * 2
-    nodes = dr.opaque(mi.UInt32, dr.width(tile))
-    lane = dr.arange(mi.UInt32, dr.width(tile) * most)
-    turn = lane // nodes
-    node = lane - turn * nodes  # neighbours are hours of one tile: their memory is, too
-    own_tile, own_hour = (dr.gather(mi.UInt32, values, node) for values in (tile, hour))
-    first = flat_indices(links.first)
-    link = dr.gather(mi.UInt32, first, own_tile) + turn
-    exists = link < dr.gather(mi.UInt32, first, own_tile + 1)
-    here = own_tile * hours + own_hour
-    there = dr.gather(mi.UInt32, flat_indices(links.two), link, exists) * hours + own_hour
-    own, shown = (dr.gather(mi.UInt32, bits, place, exists) for place in (here, there))
-    reach, reached = flat_indices(links.reach), mi.UInt32(0)
+def _met(link: mi.UInt32, own: mi.UInt32, others: mi.UInt32, reach: mi.UInt32) -> mi.Bool:
+    """Whether some bright rays of a link's tiles are near each other."""
+    reached = mi.UInt32(0)
     for group in range(GROUPS):
         some = (own >> (4 * group)) & 15
-        reached |= dr.gather(mi.UInt32, reach, (link * GROUPS + group) * 16 + some, exists)
-    met = (reached & shown) > 0
-    alike = dr.gather(mi.Bool, mi.Bool(links.alike), link, exists)
-    other = dr.gather(mi.UInt32, number, there, met)
-    dr.eval(met, alike, node, other)
-    edges = []
-    for kind in (met & alike, met & ~alike):
-        kept = dr.compress(kind)
-        edges.append((dr.gather(mi.UInt32, node, kept), dr.gather(mi.UInt32, other, kept)))
-    return edges
+        reached |= dr.gather(mi.UInt32, reach, (link * GROUPS + group) * 16 + some)
+    return (reached & others) > 0
+
+
+def _across(
+    bright: BrightTiles, links: Links, tiles: int, part: mi.UInt32
+) -> tuple[mi.UInt32, mi.UInt32]:
+    """Parts (bright tile,) at both ends of links between tiles that not all the same views see."""
+    border = np.unique(links.one)
+    if not len(border):
+        return mi.UInt32(), mi.UInt32()
+    parts = dr.full(mi.UInt32, DARK, dr.width(bright.rays))
+    dr.scatter(parts, part, bright.at)
+    lane, hours = dr.arange(mi.UInt32, len(border) * bright.hours), mi.UInt32(bright.hours)
+    row, hour = row_and_column(lane, bright.hours)
+    tile = dr.gather(mi.UInt32, flat_indices(border), row)
+    count, most = dr.zeros(mi.UInt32, 1), len(links.one) * bright.hours
+    pairs = dr.empty(mi.UInt32, most), dr.empty(mi.UInt32, most)
+    dr.make_opaque(hours, parts, count, *pairs)
+    first, two, reach = map(flat_indices, (links.first(tiles), links.two, links.reach))
+    _note_pairs(tile, hour, hours, bright.rays, parts, first, two, reach, count, *pairs)
+    dr.eval(count, *pairs)
+    made = dr.arange(mi.UInt32, count[0])
+    return _once(*(dr.gather(mi.UInt32, end, made) for end in pairs))
+
+
+@symbolic
+def _note_pairs(
+    tile: mi.UInt32, hour: mi.UInt32, hours: mi.UInt32, rays: mi.UInt32, parts: mi.UInt32,
+    first: mi.UInt32, two: mi.UInt32, reach: mi.UInt32, count: mi.UInt32, ours: mi.UInt32,
+    theirs: mi.UInt32,
+) -> None:  # fmt: skip
+    """Note the parts of some tiles, and those that links join them with, one after another."""
+    here = tile * hours + hour
+    own, part = dr.gather(mi.UInt32, rays, here), dr.gather(mi.UInt32, parts, here)
+    link, end = dr.gather(mi.UInt32, first, tile), dr.gather(mi.UInt32, first, tile + 1)
+    end, last = dr.select(own > 0, end, link), mi.UInt32(DARK)
+    while dr.hint(
+        link < end, exclude=[hour, hours, rays, parts, two, reach, own, part, here, tile]
+    ):
+        there = dr.gather(mi.UInt32, two, link) * hours + hour
+        other = dr.gather(mi.UInt32, parts, there)
+        fresh = (other != DARK) & (other != last)
+        if dr.hint(fresh, exclude=[link, own, rays, there, reach]):
+            fresh = _met(link, own, dr.gather(mi.UInt32, rays, there), reach)
+        slot = dr.scatter_inc(count, mi.UInt32(0), fresh)
+        dr.scatter(ours, part, slot, fresh)
+        dr.scatter(theirs, other, slot, fresh)
+        last = dr.select(fresh, other, last)
+        link += 1
+
+
+def _once(one: mi.UInt32, two: mi.UInt32) -> tuple[mi.UInt32, mi.UInt32]:
+    """Pairs without most of those that are there again.
+
+    Of the pairs with the same first one, those are dropped that equal the one that wrote last.
+    """
+    if not dr.width(one):
+        return one, two
+    dr.eval(one, two)
+    own, last = dr.arange(mi.UInt32, dr.width(one)), dr.zeros(mi.UInt32, dr.max(one)[0] + 1)
+    dr.scatter(last, own, one)
+    last = dr.gather(mi.UInt32, last, one)
+    kept = dr.compress((last == own) | (dr.gather(mi.UInt32, two, last) != two))
+    ends = (dr.gather(mi.UInt32, end, kept) for end in (one, two))
+    return next(ends), next(ends)
 
 
 def _sums(parts: SourceParts, ahead: np.ndarray, frames: np.ndarray, hours: int) -> np.ndarray:
     """Σ L² ω / P² over the sources in front of some views, shape (view, hour)."""
     views, count = len(frames), dr.width(parts.tile)
-    stride = dr.opaque(mi.UInt32, count)
-    lane = dr.arange(mi.UInt32, count * views)
-    part, view = lane % stride, lane // stride
+    view, part = row_and_column(dr.arange(mi.UInt32, count * views), count)
     before = dr.gather(mi.Bool, mi.Bool(ahead.ravel()),
                        view * ahead.shape[1] + dr.gather(mi.UInt32, parts.tile, part))  # fmt: skip
     dr.eval(before)
     source = components(count * views, *_edges_of_views(parts, before, views))
-    values = (parts.solid_angle, parts.flux, *parts.moment)
-    each = tuple(dr.gather(mi.Float, column, part) for column in values)
-    columns = _added(each, source, count * views, before)
-    kept = dr.compress(columns[0] > LEAST)
+    light = parts.light.at(part).added(source, count * views, before)
+    kept = dr.compress(light.solid_angle > LEAST)
     if not dr.width(kept):
         return np.zeros((views, hours))
-    w, f, *xyz = (dr.gather(mi.Float, column, kept).numpy().astype(float) for column in columns)
-    view_of, hour_of = (
-        values.numpy()
-        for values in (kept // stride, dr.gather(mi.UInt32, parts.hour, kept % stride))
-    )
-    local = np.einsum("si,ski->sk", np.stack(xyz, axis=-1), frames[view_of])
-    P = position_index(local / np.linalg.norm(local, axis=-1, keepdims=True))
-    sums = np.bincount(view_of * hours + hour_of, f**2 / w / P**2, views * hours)
-    return sums.reshape(views, hours)
+    light, (view, part) = light.at(kept), row_and_column(kept, count)
+    axes, towards = flat(frames), dr.normalize(mi.Vector3f(light.flux.xyz))
+    rows = (dr.gather(mi.Vector3f, axes, 3 * view + k) for k in range(3))
+    P = position_index(mi.Vector3f(*(dr.dot(row, towards) for row in rows)))
+    each = light.flux.w**2 / light.solid_angle / mi.Float64(P) ** 2
+    out = dr.zeros(mi.Float64, views * hours)
+    dr.scatter_add(out, each, view * hours + dr.gather(mi.UInt32, parts.hour, part))
+    return np.asarray(out.numpy().reshape(views, hours))
 
 
 def _edges_of_views(parts: SourceParts, before: mi.Bool, views: int) -> tuple[mi.UInt32, mi.UInt32]:
@@ -247,8 +284,8 @@ def _edges_of_views(parts: SourceParts, before: mi.Bool, views: int) -> tuple[mi
     links, count = dr.width(parts.one), dr.width(parts.tile)
     if not links:
         return mi.UInt32(), mi.UInt32()
-    lane, stride = dr.arange(mi.UInt32, links * views), dr.opaque(mi.UInt32, links)
-    link, of_view = lane % stride, lane // stride * count
+    view, link = row_and_column(dr.arange(mi.UInt32, links * views), links)
+    of_view = view * dr.opaque(mi.UInt32, count)
     one, two = (of_view + dr.gather(mi.UInt32, end, link) for end in (parts.one, parts.two))
     joins = dr.compress(dr.gather(mi.Bool, before, one) & dr.gather(mi.Bool, before, two))
     ends = (dr.gather(mi.UInt32, end, joins) for end in (one, two))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Protocol
 
@@ -74,7 +75,15 @@ class SurfaceLuminances:
     """Its time stamp, int, shape (entry,)."""
     luminance: np.ndarray
     """[cd/m²], shape (entry,); of all other points and hours it is too low to count."""
-    noise: LuminanceNoise
+    light: SurfacesByElement
+    """That of the elements."""
+    shares: np.ndarray
+    """Shares of the elements, as of `SurfacesByElement.in_facade`."""
+
+    @cached_property
+    def noise(self) -> LuminanceNoise:
+        """Noise of those that are bright."""
+        return self.light.noise(self.shares, self.luminance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +92,7 @@ class SurfacesByElement:
 
     rows: LightRows
     point: np.ndarray
-    """As of `SurfaceLuminances`."""
+    """As of `SurfaceLuminances`, in the order of `time`."""
     time: np.ndarray
     luminance: np.ndarray
     """Mean by every row [cd/m²], float32, shape (row, entry)."""
@@ -96,14 +105,20 @@ class SurfacesByElement:
     def joined(cls, parts: Sequence[SurfacesByElement]) -> SurfacesByElement:
         """Light of several sets of points."""
         ends = np.cumsum([0, *(len(part.point) for part in parts)])
-        noisy = [part.noisy + start for part, start in zip(parts, ends, strict=False)]
+        noisy = np.concatenate(
+            [part.noisy + start for part, start in zip(parts, ends, strict=False)]
+        )
+        time = np.concatenate([part.time for part in parts])
+        by_time, place = np.argsort(time, kind="stable"), np.empty(len(time), int)
+        place[by_time] = np.arange(len(time))
+        in_turn = np.argsort(place[noisy])
         return cls(
             parts[0].rows,
-            np.concatenate([part.point for part in parts]),
-            np.concatenate([part.time for part in parts]),
-            np.concatenate([part.luminance for part in parts], axis=1),
-            np.concatenate(noisy),
-            np.concatenate([part.deviation for part in parts], axis=2),
+            np.concatenate([part.point for part in parts])[by_time],
+            time[by_time],
+            np.concatenate([part.luminance for part in parts], axis=1).take(by_time, axis=1),
+            place[noisy][in_turn],
+            np.concatenate([part.deviation for part in parts], axis=2).take(in_turn, axis=2),
         )
 
     def of_points(self, number: np.ndarray) -> SurfacesByElement:
@@ -113,24 +128,34 @@ class SurfacesByElement:
         noisy = mine[self.noisy]
         return replace(
             self, point=number[self.point[mine]], time=self.time[mine],
-            luminance=self.luminance[:, mine], noisy=place[self.noisy[noisy]],
-            deviation=self.deviation[..., noisy],
+            luminance=self.luminance.compress(mine, axis=1), noisy=place[self.noisy[noisy]],
+            deviation=self.deviation.compress(noisy, axis=2),
         )  # fmt: skip
 
     def in_facade(self, shares: np.ndarray) -> SurfaceLuminances:
         """Luminances with shares (time, element + 1), the last of which is 1."""
-        light, noise = self._weighed(shares, self.time, self.luminance), self.time[self.noisy]
-        by_replicate = self._weighed(shares, noise, self.deviation)
-        noise_of = LuminanceNoise(self.point[self.noisy], noise, light[self.noisy], by_replicate)
-        return SurfaceLuminances(self.point, self.time, light, noise_of)
+        light = self._weighed(shares, self.time, self.luminance)
+        return SurfaceLuminances(self.point, self.time, light, self, shares)
 
-    def _weighed(self, shares: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """Σ over the rows of values (row, …, entry) with their shares at a time (entry,)."""
-        out = values[0].copy()
+    def noise(self, shares: np.ndarray, light: np.ndarray) -> LuminanceNoise:
+        """Noise of bright entries, whose luminances are `light` (entry,) with these shares."""
+        some = np.flatnonzero(light.take(self.noisy) > DIM)
+        bright = self.noisy.take(some)
+        time = self.time.take(bright)
+        deviation = self._weighed(shares, time, self.deviation, some)
+        return LuminanceNoise(self.point.take(bright), time, light.take(bright), deviation)
+
+    def _weighed(
+        self, shares: np.ndarray, time: np.ndarray, values: np.ndarray,
+        some: np.ndarray | None = None,
+    ) -> np.ndarray:  # fmt: skip
+        """Σ over the rows of values (row, …, entry), or of some entries, whose shares count."""
+        out = values[0].copy() if some is None else values[0].take(some, axis=-1)
         for element, of_row in zip(self.rows.elements[1:], values[1:], strict=True):
             share = shares[:, element]
             if share.any():
-                out += of_row if (share == 1).all() else share[time].astype(np.float32) * of_row
+                part = of_row if some is None else of_row.take(some, axis=-1)
+                out += part if (share == 1).all() else share[time].astype(np.float32) * part
         return np.asarray(out)
 
 

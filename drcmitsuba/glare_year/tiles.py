@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,18 +19,25 @@ PAIRS = 1 << 13
 """Number of pairs of tiles whose rays are compared at once."""
 
 
-class Links(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Links:
     """Pairs of tiles whose rays may be within half of the opening angle."""
 
-    first: np.ndarray
-    """First link of every tile, and last the number of links, int, shape (tile + 1,)."""
+    one: np.ndarray
+    """First tile of every link, in rising order, int, shape (link,)."""
     two: np.ndarray
-    """Tile that a link leads to, int, shape (link,)."""
+    """Tile before it that a link leads to, int, shape (link,)."""
     reach: np.ndarray
     """Rays of the second tile, as bits, that are near any of some rays of the first: of each group
     of four rays every subset, shape (link, GROUPS, 16)."""
-    alike: np.ndarray
-    """Whether the same views have both tiles in front of them, bool, shape (link,)."""
+
+    def first(self, tiles: int) -> np.ndarray:
+        """First link of every tile, and last the number of links, int, shape (tile + 1,)."""
+        return np.searchsorted(self.one, np.arange(tiles + 1))
+
+    def take(self, which: np.ndarray) -> Links:
+        """Some of the links."""
+        return Links(self.one[which], self.two[which], self.reach[which])
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,23 +109,26 @@ class EyeTiles:
         return np.searchsorted(pair[:, 0], np.arange(len(self) + 1)), pair[:, 1], rays
 
     @cached_property
-    def links(self) -> Links:
-        """Links between tiles."""
+    def links(self) -> tuple[Links, Links]:
+        """Links between tiles that the same views have in front of them, and all others."""
         of_tile = np.repeat(np.arange(len(self)), np.diff(self.first))
         spread = np.zeros(len(self))
         np.maximum.at(spread, of_tile, np.linalg.norm(self.rays - self.direction[of_tile], axis=1))
         longest = 2 * np.sin(self.opening / 4)
         width = longest + 2 * spread.max(initial=0)
         pairs = spatial.cKDTree(self.direction).query_pairs(width, output_type="ndarray")
-        return self._reaching(pairs, longest)
+        links = self._reaching(np.sort(pairs, axis=1)[:, ::-1], longest)
+        _, seen_by = np.unique(self.ahead, axis=1, return_inverse=True)
+        alike = seen_by.ravel()[links.one] == seen_by.ravel()[links.two]
+        return links.take(alike), links.take(~alike)
 
     def _reaching(self, pairs: np.ndarray, longest: float) -> Links:
-        """Links of those pairs of tiles of which some rays are near each other."""
+        """Links of those pairs of tiles (pair, 2) of which some rays are near each other."""
         sizes = np.diff(self.first)
         inside = np.minimum(np.arange(MOST_RAYS), sizes[:, None] - 1)
         d = self.rays[self.first[:-1, None] + inside]  # a last ray may stand more than once
         bits = np.where(np.arange(MOST_RAYS) < sizes[:, None], 1 << np.arange(MOST_RAYS), 0)
-        pairs = pairs[np.argsort(pairs[:, 0], kind="stable")]
+        pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
         reach = np.zeros((len(pairs), MOST_RAYS), np.uint32)
         for start in range(0, len(pairs), PAIRS):
             one, two = pairs[start : start + PAIRS].T
@@ -131,6 +140,4 @@ class EyeTiles:
         every = np.zeros((len(one), GROUPS, 16), np.uint32)
         for i in range(4):  # a subset with ray i is one without it, and ray i
             every[..., 1 << i : 2 << i] = every[..., : 1 << i] | single[..., i : i + 1]
-        _, seen_by = np.unique(self.ahead, axis=1, return_inverse=True)
-        alike = seen_by.ravel()[one] == seen_by.ravel()[two]
-        return Links(np.searchsorted(one, np.arange(len(self) + 1)), two, every, alike)
+        return Links(one, two, every)

@@ -129,6 +129,43 @@ def test_fills_by_the_hour_are_those_of_each_hour(light):
             np.testing.assert_allclose(a, b, rtol=1e-5)
 
 
+def plain_luminances(known, hours, shares):
+    """Luminances of pixels (pixel, hour), part by part, with shares (hour, element + 1)."""
+    seen, sky = known.seen, known.sky[hours].T
+    L = np.zeros((len(seen.directions), len(hours)))
+    for element, part in seen.sky.items():
+        L += part.toarray() @ (sky * shares[:, element])
+    points = np.zeros((len(seen.surfaces.points), len(known.sky)))
+    points[known.surfaces.point, known.surfaces.time] = known.surfaces.luminance
+    points = points[:, hours] * shares[:, seen.surfaces.element].T
+    glow = seen.glow.sky @ sky
+    lit = known.sun_index[hours] >= 0
+    glow[:, lit] += seen.glow.suns[:, known.sun_index[hours][lit]] * known.sun[hours][lit]
+    np.add.at(L, seen.films, glow * shares[:, seen.by_films].T)
+    return L + seen.showing.toarray() @ points
+
+
+def check_rows(place, shares):
+    """Assert that rows sum up to what is seen in some hours, and by each element alone."""
+    known, hours = place.in_facade(shares).known, np.array([2, 0])
+    of_hours = known.shares[hours]
+    np.testing.assert_allclose(
+        known.at(hours), plain_luminances(known, hours, of_hours), rtol=1e-4, atol=1e-2
+    )
+    for element in known.elements(hours):
+        only = np.zeros_like(of_hours)
+        only[:, element] = 1
+        np.testing.assert_allclose(
+            known.rows(hours, element).luminance(), plain_luminances(known, hours, only),
+            rtol=1e-4, atol=1e-2,
+        )  # fmt: skip
+
+
+def test_luminances_are_sums_over_what_is_seen(light):
+    shares = np.array([[0.3, 0.7, 0, 1, 0, 0], [1, 0, 0, 0, 0, 1], [0, 0, 1, 1, 0, 0]], float)
+    check_rows(light.places[0], shares)
+
+
 def test_shares_weigh_light_and_sources(light):
     """E_v is linear in the shares but for paths back to the façade; sums of sources are."""
     hours = [
@@ -170,8 +207,10 @@ def test_a_film_beside_glass_glows_in_all_states(tmp_path):
     shade = '[shading]\nmaterial = "cloth"\n' + FABRICS
     film = FILM.format(file=klems(tmp_path, lifted=0.4)) + EAST.replace("glass", "film")
     case = finer(case_in(tmp_path, more=film + shade, times=TIMES))
-    ours = drcmitsuba.glare_elements(case).evaluate()
-    theirs = simulated(case, "open", "shaded")
+    seen = drcmitsuba.glare_elements(case)
+    ours, theirs = seen.evaluate(), simulated(case, "open", "shaded")
+    assert len(seen.places[0].seen.films)
+    check_rows(seen.places[0], np.repeat([[0.3, 0.7, 1.0]], len(TIMES), axis=0))
     assert ours.states == ("open", "shaded", "applied")
     for state in ("open", "shaded"):
         agree(ours.hours.sel(state=state), theirs.hours.sel(state=state))

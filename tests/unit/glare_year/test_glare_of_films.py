@@ -90,18 +90,18 @@ def test_an_even_film_glows_by_its_illuminance(tmp_path):
 
 @pytest.mark.slow
 def test_a_peak_as_narrow_as_the_sun_raises_the_sum_by_the_ratio_of_solid_angles(tmp_path):
-    case, light, looking, place, _ = opened(tmp_path, klems(tmp_path, lifted=PEAK))
+    case, light, _, place, _ = opened(tmp_path, klems(tmp_path, lifted=PEAK))
     glow, basis = place.known.seen.glow, BASES[BASIS]
     peaks = glow.sharpness > 0
     assert peaks.any()
     cosine = basis.centres[5][2]
     ratio = basis.projected_solid_angle[5] / cosine / disk_solid_angle(case.outside.sun_diameter)
     np.testing.assert_allclose(glow.sharpness[peaks], ratio, rtol=0.05)
-    by_file, sharp = place.sums(looking, Rule(), np.arange(light.sky.sizes["time"]))
+    by_file, sharp = place.sums(Rule(), np.arange(light.sky.sizes["time"]))
     assert (sharp >= by_file).all()
     assert (sharp > 10 * by_file).any()
     even = replace(glow, sharpness=np.zeros_like(glow.sharpness))
     known = replace(place.known, seen=replace(place.known.seen, glow=even))
     np.testing.assert_allclose(
-        replace(place, known=known).sums(looking, Rule(), np.arange(6))[1], by_file, rtol=1e-5
+        replace(place, known=known).sums(Rule(), np.arange(6))[1], by_file, rtol=1e-5
     )  # Float32 sums by atomics

@@ -99,15 +99,15 @@ def test_the_sun_is_seen_through_the_pane_as_a_disk(office):
 
 def test_the_sun_right_behind_the_glass_has_the_dgp_of_its_formula(office):
     """With a black sky, the disk alone is the source: DGP follows from τ, Ω and E_v."""
-    case, light, looking, place, _ = office
+    case, light, _, place, _ = office
     hour = int(np.flatnonzero(through(light.sky["sun_direction"].values) > 0)[0])
     sun = light.sky["sun_direction"].values[hour]
     right = np.cross(sun, [0, 0, 1]) / np.linalg.norm(np.cross(sun, [0, 0, 1]))
     frame = np.array([right, np.cross(right, sun), sun])
     dark = replace(place.known, sky=0 * place.known.sky, surfaces=all_of(place.known, 0))
-    at_sun = replace(place, known=dark, views=np.array([0]))
-    looks = replace(looking, names=("sun",), frames=frame[None])
-    sums, _ = at_sun.sums(looks, Rule(), np.array([hour]))
+    toward = replace(place.known.seen, frames=frame[None])
+    at_sun = replace(place, known=replace(dark, seen=toward), views=np.array([0]))
+    sums, _ = at_sun.sums(Rule(), np.array([hour]))
     L = light.sky["sun"].values[hour] * through(sun[None])[0]
     omega = disk_solid_angle(case.outside.sun_diameter)
     np.testing.assert_allclose(sums, L**2 * omega, rtol=5e-3)
@@ -122,7 +122,7 @@ def test_dgp_is_that_of_full_pictures(office):
     case, light, looking, place, illuminance = office
     size = 512
     dim = replace(place.known, surfaces=all_of(place.known, 100))
-    ours, _ = replace(place, known=dim).sums(looking, Rule(), np.arange(6))
+    ours, _ = replace(place, known=dim).sums(Rule(), np.arange(6))
     Ev = illuminance.mean(axis=0)
     for v, frame in enumerate(looking.frames):
         view = PictureView("equidistant", tuple(frame[2]), tuple(frame[1]))

@@ -1,11 +1,13 @@
 """Glare of pictures: sources whose merging is countable, and the formulas on single sources."""
 
+import mitsuba as mi
 import numpy as np
 import pytest
 
 from drcmitsuba.picture import Picture, PictureView
 from drcmitsuba.picture.glare import EVALGLARE, PAPER, glare
 from drcmitsuba.picture.position_index import position_index
+from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from tests.unit.picture.made_pictures import disk, fisheye
 
@@ -107,6 +109,14 @@ def test_a_small_threshold_multiplies_the_mean_luminance():
     assert seen.mean_luminance == pytest.approx(
         500 + 29_500 * (1 - np.cos(np.radians(3))), rel=0.03
     )
+
+
+def test_the_position_index_of_the_device_is_that_of_numpy():
+    backend.select()
+    d = np.random.default_rng(2).normal(size=(500, 3))
+    d = np.vstack([d / np.linalg.norm(d, axis=1, keepdims=True), [[0, 0, 1]], [[0, 1, 0]]])
+    on_device = position_index(mi.Vector3f(*d.T.astype(np.float32))).numpy()
+    np.testing.assert_allclose(on_device, position_index(d), rtol=1e-5)
 
 
 def test_the_position_index_is_1_in_the_line_of_sight_and_16_far_from_it():
