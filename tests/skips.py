@@ -10,6 +10,7 @@ import os
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NoReturn
@@ -82,9 +83,14 @@ POSIX = Lack("no POSIX", "signals, forks, shells and folders are others", lambda
 PROC = Lack(
     "no /proc", "signs of a process are read there", lambda: not Path("/proc/self").exists()
 )
+PICTURES = Lack(
+    "no Matplotlib 3.11",
+    "pictures were kept from it; older ones, the last for Python 3.10, set letters otherwise",
+    lambda: tuple(map(int, version("matplotlib").split(".")[:2])) < (3, 11),
+)
 ORDINARY_USER = Lack("no ordinary user", "root may read and write everything", _is_root)
 LACKS = (
-    DATA, *MODULES.values(), BROWSER, LLVM, UNFIT_LLVM, POSIX, PROC, ORDINARY_USER,
+    DATA, *MODULES.values(), BROWSER, LLVM, UNFIT_LLVM, POSIX, PROC, PICTURES, ORDINARY_USER,
 )  # fmt: skip
 
 

@@ -90,7 +90,7 @@ def mountain(
             ends = np.vstack([line, line[:1]]) if kind == "room" else np.asarray(line)
             space.plot(*ends.T, low, **LINES[kind])
     sides = np.ptp([ax.get_xlim(), ax.get_ylim()], axis=1)
-    space.set_box_aspect((*sides, HEIGHT * sides.max()), zoom=1.2)
+    space.set_box_aspect((*sides, HEIGHT * sides.max()), zoom=0.95)
     space.set_zlim(low, max(float(numbers.max()), low + 1e-9))
     space.view_init(elev=elevation, azim=90 - azimuth)
     for axis in (space.xaxis, space.yaxis, space.zaxis):

@@ -20,6 +20,7 @@ from drcmitsuba.picture.false_colour import false_colour
 from drcmitsuba.picture.picture import Picture
 from drcmitsuba.picture.view import PictureView
 from drcmitsuba.report import glare_plots, plots
+from tests import skips
 from tests.unit.report.test_plots import grid, year
 from tests.unit.report.test_year_figures import GENEVA, weekdays
 
@@ -105,6 +106,7 @@ def difference(one, two):
     return np.sqrt(((one - two) ** 2).mean())
 
 
+@skips.PICTURES.mark
 @pytest.mark.parametrize("name", FIGURES)
 def test_a_picture_is_the_one_that_was_looked_at(name):
     kept = 255 * imread(KEPT / f"{name}.png")[..., :3]
