@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -99,13 +100,15 @@ class Evidence:
         every = [*(name + suffix for name in OF_E for suffix in ("", "_se")), "sun_group"]
         if 4 * len(every) * year.sizes["time"] * own.sizes["sensor"] > MOST_BYTES:
             return self
-        further = np.flatnonzero(~np.isin(year["time"].values, own["time"].values))
-        parts = [own[[name for name in every if name in own]]]
+        own = own[[name for name in every if name in own]]
+        known = np.isin(year["time"].values, own["time"].values)
+        further, E = np.flatnonzero(~known), _without_values(own, year.sizes["time"])
+        _put(own, np.flatnonzero(known), E)
         for start in range(0, len(further), STAMPS):
-            at = year.isel(time=further[start : start + STAMPS])
-            parts.append(accumulated(self.coefficients, at)[list(parts[0].data_vars)])
-        joined = xr.concat(parts, "time", data_vars="minimal", coords="minimal", compat="override")
-        joined = joined.sortby("time").assign_attrs(own.attrs)
+            hours = further[start : start + STAMPS]
+            _put(accumulated(self.coefficients, year.isel(time=hours)), hours, E)
+        coords = {name: E[name] for name in own.coords}
+        joined = xr.Dataset({name: E[name] for name in own.data_vars}, coords, own.attrs)
         return replace(self, illuminance=joined, sky=year, year=None)
 
     @cached_property
@@ -178,6 +181,24 @@ class Evidence:
         known = {k: v for k, v in settings.items() if k in Case.model_fields}
         arguments = drawing(checked(Case, known, path)) if known else {"rays": None, "seed": 0}
         return cls(E, C, sky, arguments, str(folder), year)
+
+
+def _without_values(data: xr.Dataset, hours: int) -> dict[Hashable, xr.Variable]:
+    """Variables for so many hours; those that change by the hour have no values yet."""
+    out: dict[Hashable, xr.Variable] = {}
+    for name, v in data.variables.items():
+        shape = [hours if dim == "time" else size for dim, size in v.sizes.items()]
+        values = np.empty(shape, v.dtype) if "time" in v.dims else v.values
+        out[name] = xr.Variable(v.dims, values, v.attrs)
+    return out
+
+
+def _put(data: xr.Dataset, hours: np.ndarray, out: dict[Hashable, xr.Variable]) -> None:
+    """Put values into their hours (time,); joined and sorted by xarray, they are copied thrice."""
+    for name, v in out.items():
+        if "time" in v.dims:
+            at = tuple(hours if dim == "time" else slice(None) for dim in v.dims)
+            v.values[at] = data.variables[name].transpose(*v.dims).values
 
 
 def _check_method(path: Path, attributes: dict[Any, Any]) -> None:
