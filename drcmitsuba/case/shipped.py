@@ -13,7 +13,7 @@ OTHER_FILES = {
     ".oct": "a compiled Radiance scene",
     ".epw": "a weather file",
     ".wea": "a weather file",
-    ".xml": "a BSDF or a scene in XML",
+    ".xml": "no building in gbXML",
 }
 """Kinds of files that users may mistake for a case, by ending."""
 
@@ -64,11 +64,13 @@ def locate_case(path: str | Path) -> Path:
     if is_file(Path(path), path, "case file"):
         other = OTHER_FILES.get(Path(path).suffix.lower())
         if other is not None and not _is_building(Path(path)):
-            remedy = "give a case (TOML), which `drcmitsuba new` writes, or a shipped one by name"
+            remedy = (
+                "give a case (TOML), as `drcmitsuba new` writes it, a building, or a shipped case"
+            )
             raise InputError(path, "case file", other, remedy)
         return Path(path)
     if str(path) in shipped_cases():
         return shipped_folder() / f"{path}.toml"
     near = difflib.get_close_matches(str(path), shipped_cases(), n=1)
-    hint = f"did you mean the shipped case {near[0]}?" if near else "give a TOML file"
+    hint = f"did you mean the shipped case {near[0]}?" if near else "give a case or a building"
     raise InputError(path, "case file", "no such file", hint)

@@ -84,7 +84,9 @@ def _spaces_table(numbers: dict) -> list[Table]:
     table = Table("space")
     for column in ("m²", "sDA % (95 %)", "ASE % (95 %)"):
         table.add_column(column, justify="right", no_wrap=True)
-    worst = sorted(spaces, key=lambda space: space["sDA"]["value"])
+    from drcmitsuba.metrics.metrics_of_spaces import darkest_first
+
+    worst = darkest_first(spaces)
     for space in [*worst[:MOST_ROWS], {"name": "building, by area", **numbers["building"]}]:
         words = (on_a_line(space.get(key, "")) for key in ("name", "use", "storey"))
         shares = (percent(space[metric], SHORT) for metric in ("sDA", "ASE"))

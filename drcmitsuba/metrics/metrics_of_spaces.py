@@ -17,6 +17,11 @@ ANNUAL, MONTHLY = ("sDA", "ASE"), ("msDA", "MSE")
 ENDS = ("value", "low", "high")
 
 
+def darkest_first(spaces: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Sort spaces of `by_space` by their sDA, those with the same one by their DA."""
+    return sorted(spaces, key=lambda s: (s["sDA"]["value"], s.get("DA", s["sDA"])["value"]))
+
+
 def by_space(
     numbers: Mapping[str, Any], illuminance: xr.Dataset, draws: Draws | None,
     spaces: Sequence[SensorsOfSpace], years: SpaceYears, rules: Rules,

@@ -20,9 +20,9 @@ class InputError(ValueError):
     Examples
     --------
     >>> import drcmitsuba
-    >>> drcmitsuba.load_case("nothing.toml")
+    >>> drcmitsuba.load_case("a.toml")
     Traceback (most recent call last):
-    drcmitsuba.runtime.errors.InputError: nothing.toml: case file: no such file; give a TOML file
+    drcmitsuba.runtime.errors.InputError: a.toml: case file: no such file; give a case or a building
     """
 
     def __init__(self, source: object, field: str, got: str, remedy: str) -> None:

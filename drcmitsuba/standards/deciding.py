@@ -28,8 +28,8 @@ WORDS = {
     "decides_lack_points": "it wants {number} more",
     "decides_spare_h": "{number} fewer would fail it",
     "decides_lack_h": "it lacks {number}",
-    "decides_nearest_has": "the nearest, at x {x} m, y {y} m, has {hours} h to spare",
-    "decides_nearest_lacks": "the nearest, at x {x} m, y {y} m, lacks {hours} h",
+    "decides_nearest_has": "the nearest, at x {x} m, y {y} m, z {z} m, has {hours} h to spare",
+    "decides_nearest_lacks": "the nearest, at x {x} m, y {y} m, z {z} m, lacks {hours} h",
     "decides_open": "{count} of all points are too close to call",
     "decides_dark": "hours below are most in {months}, and at {hours}",
     "decides_light": "with {factor} times the light it would hold",
@@ -73,7 +73,7 @@ class Deciding:
         parts = [first.format(number=f"{self.count:,} {number}")]
         if self.points:
             nearest = self.points[0]
-            at = {axis: f"{nearest[axis]:.2f}" for axis in "xy"}
+            at = {axis: f"{nearest[axis]:.2f}" for axis in "xyz"}
             hours = f"{abs(nearest['hours']):,g}"
             words_of = words["decides_nearest_has" if held else "decides_nearest_lacks"]
             parts.append(words_of.format(**at, hours=hours))

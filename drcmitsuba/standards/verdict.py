@@ -133,7 +133,7 @@ def assess(
         {q: c.interval for q, c in counted.items()},
         {q: c.unit for q, c in counted.items()},
         decides, tuple(_duties(standard, counted, year)), tuple(_notes(standard, year)),
-        tuple(_conditions(standard, year)),
+        tuple(_conditions(standard, counted, year)),
     )  # fmt: skip
 
 
@@ -260,9 +260,15 @@ def _duties(standard: Standard, counted: dict[str, Counted], year: StandardYear)
     return out
 
 
-def _conditions(standard: Standard, year: StandardYear) -> list[str]:
-    """Differences of the case's shade from the shade that a standard presumes."""
+def _conditions(standard: Standard, counted: dict[str, Counted], year: StandardYear) -> list[str]:
+    """Quantities that no level asks for, and a shade that differs from what a standard presumes."""
+    rules = [*standard.levels, *standard.extras]
+    asked = {limit.quantity for level in rules for limit in level.limits}
+    asked |= {flag.quantity for flag in standard.flags}
     out, E = [], year.illuminance.attrs
+    for name, c in counted.items():
+        if name not in asked and standard.undecided is None:
+            out.append(f"{name} of {c.value:.1f} {c.unit} is not judged")
     if standard.shade and not year.has_shade:
         out.append("the case has no shade, which LM-83 wants before every window")
     if standard.shade and year.has_shade:

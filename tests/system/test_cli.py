@@ -73,7 +73,7 @@ def results(tmp_path_factory):
 def test_a_missing_case_is_refused(refused, tmp_path, verb):
     missing = tmp_path / "none.toml"
     line = refused(verb, missing, "-o", tmp_path / "r")
-    assert line == f"{missing}: case file: no such file; give a TOML file"
+    assert line == f"{missing}: case file: no such file; give a case or a building"
     assert not (tmp_path / "r").exists()
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from drcmitsuba.metrics.grids import sensors_by_grid
+from drcmitsuba.metrics.metrics_of_spaces import darkest_first
 from drcmitsuba.report.document.facade import EvaluatedFacade
 from drcmitsuba.report.document.labels import labels
 from drcmitsuba.report.document.table import NONE, Cell, Number, PageTable, interval, plain
@@ -28,7 +29,7 @@ def table(facade: EvaluatedFacade, name: str) -> PageTable | None:
     told, whole = told_rows(facade.numbers, "spaces"), told_rows(facade.numbers, "building")
     if len(told) > 1 and whole:
         building = {**whole[0], "name": t["by_area"]}
-        worst = sorted(told, key=lambda space: space["sDA"]["value"])
+        worst = darkest_first(told)
         rooms = [*worst[:MOST_ROWS], *told_rows(facade.numbers, "storeys"), building]
         notes = [t["tasks_note"]] if any("DA" in room for room in rooms) else []
         left = len(told) - MOST_ROWS

@@ -246,9 +246,9 @@ def test_a_damaged_file_loads_or_gives_one_line(load, start, length, instead):
 
 
 def test_a_missing_file_gives_the_shipped_case_that_was_meant(tmp_path):
-    with pytest.raises(InputError, match=r"case file: no such file; give a TOML file$"):
+    with pytest.raises(InputError, match=r"case file: no such file; give a case or a building$"):
         load_case(tmp_path / "none.toml")
-    with pytest.raises(InputError, match=r"case file: no such file; give a TOML file$"):
+    with pytest.raises(InputError, match=r"case file: no such file; give a case or a building$"):
         load_case(tmp_path)
     with pytest.raises(InputError, match="did you mean the shipped case classroom/existing"):
         load_case("classroom/exsting")

@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 
 from drcmitsuba.metrics.evaluate_metrics import summarise
+from drcmitsuba.metrics.metrics_of_spaces import darkest_first
 from drcmitsuba.metrics.spaces import sensors_by_space
 from drcmitsuba.runtime.errors import InputError
 from tests.unit.metrics.test_grids import ASKED, GRIDS, in_doubt
@@ -98,3 +99,11 @@ def test_a_damaged_list_is_named(words):
     E = xr.Dataset(coords={"sensor": [0]}, attrs={"spaces": words})
     with pytest.raises(InputError, match="spaces"):
         sensors_by_space(E)
+
+
+def test_the_darkest_space_is_first_also_where_sda_is_the_same():
+    spaces = [
+        {"name": name, "sDA": {"value": sda}, **({"DA": {"value": da}} if da else {})}
+        for name, sda, da in (("a", 100.0, 94.0), ("b", 100.0, 90.0), ("c", 97.5, 99.0))
+    ]
+    assert [space["name"] for space in darkest_first(spaces)] == ["c", "b", "a"]

@@ -512,6 +512,8 @@ def test_a_verdict_says_what_the_case_lacks():
     leed, european = standards.each(["leed-v4.1", "en-17037"], evidence(lit(60)))
     assert leed.conditions == ("the case has no shade, which LM-83 wants before every window",)
     assert european.conditions == ()
+    lm, _ = standards.each(["lm-83-12", "en-17037"], evidence(lit(60)))
+    assert lm.conditions == ("ASE of 0.0 % is not judged", *leed.conditions)
     text = "".join(map(str, verdicts._short(leed)))
     assert f"probability: certain; {leed.conditions[0]}; sDA at 300 lx" in text
     assert leed.conditions[0] not in "".join(map(str, verdicts._short(european)))
