@@ -74,8 +74,12 @@ def test_results_want_the_name_of_a_folder(refused, case, tmp_path, monkeypatch,
 @pytest.mark.parametrize(
     ("name", "line"),
     [
-        ("room.oct", "a compiled Radiance scene; give a case (TOML), which `drcmitsuba new`"),
+        (
+            "room.oct",
+            "a compiled Radiance scene; give a case (TOML), as `drcmitsuba new` writes it",
+        ),
         ("town.epw", "a weather file; give a case (TOML)"),
+        ("letter.xml", "no building in gbXML; give a case (TOML)"),
     ],
 )
 def test_a_file_of_another_program_is_named(refused, tmp_path, name, line):
