@@ -78,14 +78,14 @@ def _spaces_table(numbers: dict) -> list[Table]:
 
     There is none where the case tells no spaces apart.
     """
+    from drcmitsuba.metrics.metrics_of_spaces import darkest_first
+
     spaces = numbers.get("spaces", [])
     if len(spaces) < 2:
         return []
     table = Table("space")
     for column in ("m²", "sDA % (95 %)", "ASE % (95 %)"):
         table.add_column(column, justify="right", no_wrap=True)
-    from drcmitsuba.metrics.metrics_of_spaces import darkest_first
-
     worst = darkest_first(spaces)
     for space in [*worst[:MOST_ROWS], {"name": "building, by area", **numbers["building"]}]:
         words = (on_a_line(space.get(key, "")) for key in ("name", "use", "storey"))

@@ -76,7 +76,7 @@ class SurfaceLuminances:
     luminance: np.ndarray
     """[cd/m²], shape (entry,); of all other points and hours it is too low to count."""
     light: SurfacesByElement
-    """That of the elements."""
+    """Light of the surfaces by element, from which the luminances are summed."""
     shares: np.ndarray
     """Shares of the elements, as of `SurfacesByElement.in_facade`."""
 

@@ -17,10 +17,9 @@ def is_aligned(a: np.ndarray) -> bool:
     return bool(a.ctypes.data % ALIGNMENT == 0 and a.flags.c_contiguous and a.flags.writeable)
 
 
-def aligned(a: ArrayLike, dtype: type[np.generic] = np.float32) -> np.ndarray:
-    """Array of a type that is aligned: a copy, unless it is so already."""
-    values = np.asarray(a)
-    return values if values.dtype == dtype and is_aligned(values) else aligned_copy(values, dtype)
+def aligned(a: np.ndarray) -> np.ndarray:
+    """Array in single precision that is aligned: a copy, unless it is so already."""
+    return a if a.dtype == np.float32 and is_aligned(a) else aligned_copy(a, np.float32)
 
 
 def aligned_copy(a: ArrayLike, dtype: type[np.generic]) -> np.ndarray:

@@ -9,7 +9,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import ArrayLike
 
-from drcmitsuba.runtime.aligned_arrays import aligned_copy, is_aligned
+from drcmitsuba.runtime.aligned_arrays import aligned, aligned_copy
 
 
 def flat(a: ArrayLike | mi.Float) -> mi.Float:
@@ -27,7 +27,7 @@ def shared(a: np.ndarray) -> mi.Float:
 
     Such an array must not change while its numbers are in use.
     """
-    return mi.Float(a.ravel()) if is_aligned(a) and a.dtype == np.float32 else flat(a)
+    return mi.Float(aligned(a).ravel())
 
 
 def add_at(out: Any, values: Any, entry: mi.UInt32, active: mi.Bool | bool = True) -> None:
