@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import TypeVar
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial
+from drcmitsuba.model.materials import (
+    BsdfMaterial,
+    DiffuserMaterial,
+    GlazingMaterial,
+    Lambertian,
+)
+from drcmitsuba.model.model import Layer
 from drcmitsuba.scene.components import PlacedComponent
 from drcmitsuba.scene.materials import albedo, max_reflectance, mean_albedo
 from drcmitsuba.scene.panes_of_model import panes_of_model
@@ -69,8 +76,7 @@ def most_reflecting(
     for layer in case.building.layers:
         for part in (layer, *layer.added):
             if part.role == "surface" or (part.role == "context" and beyond):
-                materials = [m for m in part.materials if m is not None]
-                reflectances.append((max(map(albedo, materials), default=0.0), part.name))
+                reflectances += _of_sides(part)
     left_out = [] if beyond else outside(case)
     for piece in case.furniture:
         if piece not in left_out:
@@ -83,6 +89,15 @@ def most_reflecting(
             reflectances.append((albedo(material), name))
     reflectances += [(mean_albedo(s.material), c.name) for c in components for s in c.surfaces]
     return max(reflectances, default=(0.0, "nothing"))
+
+
+def _of_sides(layer: Layer) -> Iterator[tuple[float, str]]:
+    """Yield the albedo [–] of a layer's materials with the name of the side that has it."""
+    for material in layer.materials:
+        if isinstance(material, Lambertian) and layer.behind:
+            yield from zip(map(max_reflectance, material.sides), layer.names, strict=True)
+        elif material is not None:
+            yield albedo(material), layer.name
 
 
 def depth(albedo: float, part: float) -> int | None:

@@ -32,7 +32,7 @@ def place_notes(case: Case, site: Site) -> tuple[str, ...]:
             notes.append(
                 f"{on_a_line(name)} (latitude {latitude:g}, longitude {longitude:g}) is not the "
                 f"weather's place, {on_a_line(site.name)} (latitude {site.latitude:g}, longitude "
-                f"{site.longitude:g}), which counts"
+                f"{site.longitude:g}), which counts; name its own by --weather or in [weather]"
             )
     return tuple(notes)
 

@@ -15,6 +15,8 @@ from drcmitsuba.standards.quantities import Counted
 from drcmitsuba.standards.standard import Level, Limit, Standard
 from drcmitsuba.standards.year import StandardYear
 
+MOST_NAMES = 3
+"""Number of spaces up to which a duty names them all."""
 TINY = 1e-9
 """Difference that counts as a tie: mirror images of shares have errors of rounding."""
 
@@ -251,13 +253,21 @@ def _duties(standard: Standard, counted: dict[str, Counted], year: StandardYear)
     for flag in standard.flags:
         c = counted[flag.quantity]
         above = np.flatnonzero(c.by_space > flag.above + TINY)
-        names = [list(year.spaces)[i] or "the room" for i in above]
-        if names:
-            shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if names[3:] else "")
+        if len(above):
             most = c.by_space[above].max()
             state = f"{flag.quantity} up to {most:.1f} {c.unit}, above {flag.above:g} {c.unit}"
-            out.append(f"{shown}: {state}: {flag.text}")
+            out.append(f"{_named(list(year.spaces), above)}: {state}: {flag.text}")
     return out
+
+
+def _named(spaces: list[str], chosen: np.ndarray) -> str:
+    """Some of the spaces by their names, or by their number where they are many."""
+    if len(chosen) <= MOST_NAMES:
+        return ", ".join(spaces[i] or "the room" for i in chosen)
+    if len(chosen) == len(spaces):
+        return f"all {len(spaces)} spaces"
+    named = ", ".join(spaces[i] for i in chosen[:MOST_NAMES])
+    return f"{len(chosen)} of {len(spaces)} spaces ({named}, …)"
 
 
 def _conditions(standard: Standard, counted: dict[str, Counted], year: StandardYear) -> list[str]:

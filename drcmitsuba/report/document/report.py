@@ -26,7 +26,7 @@ from drcmitsuba.report.document.labels import labels
 from drcmitsuba.report.document.light_of_sensors import PackedLight, shares
 from drcmitsuba.report.document.plans import MOST_CORNERS, MOST_POINTS, plans, shown_points
 from drcmitsuba.report.document.stored_pictures import PagePicture, glare_tables, pictures
-from drcmitsuba.report.document.table import Number, PageTable, text
+from drcmitsuba.report.document.table import LINE, Number, PageTable, text
 from drcmitsuba.report.lights import of_period
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
@@ -41,7 +41,7 @@ MOST_DOMES = 24
 """Largest number of points whose sky domes are drawn."""
 MARGIN = 20_000
 """Part of it that is left free: characters of more than one byte, braces and keys [bytes]."""
-MARKDOWN = str.maketrans({c: f"\\{c}" for c in "\\`*_[]<>|#"})
+MARKDOWN = str.maketrans({c: f"\\{c}" for c in "\\`*_[]<>|#"} | {LINE: "; "})
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """First characters of cells that spreadsheets would compute."""
 

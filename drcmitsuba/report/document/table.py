@@ -11,6 +11,8 @@ from drcmitsuba.runtime.errors import on_a_line
 
 NONE = "–"
 """Cell without a value."""
+LINE = "\n"
+"""End of a line within a cell."""
 
 
 @dataclass(frozen=True)

@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from drcmitsuba import standards
+from drcmitsuba.metrics.intervals.rules import DRAWS
 from drcmitsuba.report.document.facade import EvaluatedFacade
 from drcmitsuba.report.document.labels import labels
-from drcmitsuba.report.document.table import Cell, Number, PageTable, interval, plain, text
+from drcmitsuba.report.document.table import (
+    LINE,
+    Cell,
+    Number,
+    PageTable,
+    interval,
+    plain,
+    text,
+)
 from drcmitsuba.standards import Refusal, Verdict
 from drcmitsuba.standards.standard import Standard
 from drcmitsuba.standards.verdict import Margin, Outcome, likelihood
@@ -28,28 +38,44 @@ class Judgement:
     remarks: tuple[str, ...]
 
 
-def overview(facades: list[EvaluatedFacade], names: list[str]) -> PageTable:
-    """Table with a row for each standard and a column for each façade.
+def overview(facades: list[EvaluatedFacade], names: list[str]) -> list[PageTable]:
+    """Tables with a row for each standard and a column for each façade: of verdicts, and of
+    standards that allow none for any façade, where there are such.
 
     Many standards that cannot be judged for the same reason have one row together.
     """
     t = labels()
-    rows = []
     by_standard = list(zip(*(f.verdicts for f in facades), strict=True))
+    decided = [verdicts for verdicts in by_standard if any(map(_is_decided, verdicts))]
+    others = [verdicts for verdicts in by_standard if not any(map(_is_decided, verdicts))]
+    tables, head = [], (t["standard"], *names)
+    if decided:
+        own = any(isinstance(each, Verdict) and each.taken for of in decided for each in of)
+        note = t["verdicts_note"].format(draws=DRAWS)
+        note += f" {t['verdicts_hours']}" if own else ""
+        rows = tuple((plain(_title(each[0])), *map(_short, each)) for each in decided)
+        tables.append(PageTable(t["verdicts"], head, rows, note))
+    if others:
+        title = t["no_verdicts"].format(count=len(others))
+        tables.append(PageTable(title, head, tuple(_without_verdict(others))))
+    return tables
+
+
+def _without_verdict(
+    by_standard: list[tuple[Verdict | Refusal, ...]],
+) -> Iterator[tuple[Cell, ...]]:
+    """Yield a row for each standard, or for many that are refused for the same reason."""
     alike: dict[tuple[Cell, ...], list[str]] = {}
-    for verdicts in sorted(by_standard, key=lambda each: not any(map(_is_decided, each))):
-        title, short = _title(verdicts[0]), tuple(map(_short, verdicts))
+    for verdicts in by_standard:
+        short = tuple(map(_short, verdicts))
         if all(isinstance(verdict, Refusal) for verdict in verdicts):
-            alike.setdefault(short, []).append(title)
+            alike.setdefault(short, []).append(_title(verdicts[0]))
         else:
-            rows.append((plain(title), *short))
+            yield plain(_title(verdicts[0])), *short
     for short, titles in alike.items():
-        shown = titles if len(titles) < MANY else [t["standards_alike"].format(count=len(titles))]
-        rows += [(plain(title), *short) for title in shown]
-    judged = [each for verdicts in by_standard for each in verdicts]
-    own = any(isinstance(each, Verdict) and each.taken for each in judged)
-    note = t["verdicts_note"] + (f" {t['verdicts_hours']}" if own else "")
-    return PageTable(t["verdicts"], (t["standard"], *names), tuple(rows), note)
+        several = [labels()["standards_alike"].format(count=len(titles))]
+        for title in titles if len(titles) < MANY else several:
+            yield plain(title), *short
 
 
 def _is_decided(verdict: Verdict | Refusal) -> bool:
@@ -61,24 +87,32 @@ def _title(verdict: Verdict | Refusal) -> str:
 
 
 def _short(verdict: Verdict | Refusal) -> Cell:
-    """Level and probability in words."""
+    """Level and probability in words, the nearest limit, conditions and duties on lines."""
     t = labels()
     if isinstance(verdict, Refusal):
         return (OPEN + t["no_verdict"].format(reason=text(verdict.reason.got)),)
     if verdict.undecided is not None:
         return (OPEN + t["undecided"].format(reason=text(verdict.undecided)),)
     shown = next((o for o in reversed(verdict.levels) if o.reached), verdict.levels[0])
-    words = t["reached"] if shown.reached else t["not_reached"]
-    told = words.format(level=text(shown.name), probability=_likelihood(verdict.probability))
     margin = _margin(shown.margin, standards.read(verdict.standard))
-    duties = "".join(f"; {t['duty'].format(text=text(duty))}" for duty in verdict.duties)
-    conditions = "".join(f"; {text(condition)}" for condition in verdict.conditions)
-    return (YES if shown.reached else NO) + told + conditions, "; ", *margin, duties
+    further = [*verdict.conditions, *(t["duty"].format(text=duty) for duty in verdict.duties)]
+    lines = "".join(f"{LINE}{text(line)}" for line in further)
+    return _level(verdict, shown), LINE, *margin, lines
+
+
+def _level(verdict: Verdict, shown: Outcome) -> str:
+    """Level in words, with the probability of it, or of the lowest one where none is reached."""
+    t, told = labels(), _likelihood(verdict.probability)
+    is_known = likelihood(verdict.probability) in ("certain", "ruled out", "unknown")
+    likely = told if is_known else t["probability_of"].format(probability=told)
+    words = t["reached"] if shown.reached else t["not_reached"]
+    told = words.format(level=text(shown.name), probability=likely)
+    return (YES if shown.reached else NO) + told
 
 
 def _stated(verdict: Verdict | Refusal) -> str:
-    """Level and probability as one text."""
-    return "".join(map(str, _short(verdict)))
+    """Level and probability on one line."""
+    return "".join(map(str, _short(verdict))).split(LINE)[0]
 
 
 def judgements(facade: EvaluatedFacade, name: str) -> list[Judgement]:
@@ -111,7 +145,7 @@ def _judged(verdict: Verdict, name: str) -> Judgement:
     if verdict.deciding is not None:
         remarks.append(t["decides"].format(text=verdict.deciding.text(t)))
     remarks += [t["duty"].format(text=duty) for duty in verdict.duties]
-    remarks += [*verdict.taken, *verdict.notes]
+    remarks += [*verdict.conditions, *verdict.taken, *verdict.notes]
     sources = standard.sources.items()
     remarks += [t["source"].format(sure=sure, text="; ".join(of)) for sure, of in sources]
     stated = _stated(verdict)

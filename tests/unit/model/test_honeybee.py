@@ -12,6 +12,7 @@ from drcmitsuba.model.honeybee.modifiers import DEFAULT_SET, GLASS, PLASTIC
 from drcmitsuba.model.materials import DiffuserMaterial, Lambertian, MirrorMaterial
 from drcmitsuba.model.model import View, areas
 from drcmitsuba.model.polygon import area_vector
+from drcmitsuba.plan.panes import most_reflecting
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.floors_of_model import rooms_of
 from tests import SHARED, skips
@@ -202,6 +203,7 @@ def test_a_wall_between_rooms_has_the_reflectance_of_each_room_on_its_side(tmp_p
     assert sum(np.linalg.norm(area_vector(q)) for q in wall.quads) == pytest.approx(18 - 2)
 
 
+@pytest.mark.usefixtures("variant")
 def test_a_slab_is_the_ceiling_of_one_room_and_the_floor_of_another(tmp_path):
     """The upper room had the lower one's ceiling for a floor, and no sensors above it."""
     lower, upper = box.room("A"), box.room("B")
@@ -223,11 +225,12 @@ def test_a_slab_is_the_ceiling_of_one_room_and_the_floor_of_another(tmp_path):
     case = tmp_path / "case.toml"
     case.write_text(
         f"[model]\nfiles = [{json.dumps(file.name)}]\n"
-        'reflectances = { "generic_floor_0.20" = 0.35 }\n[sensors]\nfloors = ["*floor*"]\n'
+        'reflectances = { "generic_floor_0.20" = 0.85 }\n[sensors]\nfloors = ["*floor*"]\n'
     )
-    building = load_case(case).building
-    slab = next(layer for layer in building.layers if layer.behind)
-    assert slab.material.sides == (0.8, 0.35)
+    repainted = load_case(case)
+    slab = next(layer for layer in repainted.building.layers if layer.behind)
+    assert slab.material.sides == (0.8, 0.85)
+    assert most_reflecting(repainted, (), beyond=False) == (0.85, "generic_floor_0.20")
 
 
 def test_windows_in_one_place_count_once_where_the_file_does_not_say_so(tmp_path):

@@ -76,9 +76,9 @@ def test_all_text_is_escaped_in_html_and_markdown():
 
 def _empty():
     nothing = PageTable("", (), ())
-    one = dict.fromkeys(("asked", "metrics", "verdicts", "versions", "validation"), nothing)
-    keys = ("differences", "months", "charts", "spaces", "groups", "melanopic", "judgements",
-            "plan", "notes", "lights", "glare", "pictures")  # fmt: skip
+    one = dict.fromkeys(("asked", "metrics", "versions", "validation"), nothing)
+    keys = ("differences", "months", "charts", "spaces", "groups", "melanopic", "verdicts",
+            "judgements", "plan", "notes", "lights", "glare", "pictures")  # fmt: skip
     many = {key: [] for key in keys}
     digests = dict.fromkeys(("style", "script", "style_digest", "script_digest"), "")
     return {"t": labels(), "names": [], "drawn": {}, **one, **many, **digests}
