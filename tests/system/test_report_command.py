@@ -150,6 +150,10 @@ def test_markdown_has_the_tables(run, results, tmp_path):
     assert ["option 1" in row for row in rows] == [True, False]
     assert [row.count("|") for row in rows] == [4, 4]
     assert "\n| --- |" not in text
+    assert re.search(
+        r"glass \(glazing, transmittance 0.65\).* \| glass \(glazing, transmittance 0.35\)", text
+    )
+    assert "floor 0.2, walls 0.5, ceiling 0.8" in text
     assert "## What was simulated, and why" in text
 
 

@@ -30,7 +30,7 @@ def table(facade: EvaluatedFacade, name: str) -> PageTable | None:
     if len(told) > 1 and whole:
         building = {**whole[0], "name": t["by_area"]}
         worst = darkest_first(told)
-        rooms = [*worst[:MOST_ROWS], *told_rows(facade.numbers, "storeys"), building]
+        rooms = [*worst[:MOST_ROWS], *_storeys(facade.numbers, len(told)), building]
         notes = [t["tasks_note"]] if any("DA" in room for room in rooms) else []
         left = len(told) - MOST_ROWS
         notes += [t["more_spaces"].format(count=left)] if left > 0 else []
@@ -46,6 +46,15 @@ def table(facade: EvaluatedFacade, name: str) -> PageTable | None:
     left = len(grids) - MOST_ROWS
     note = t["more_spaces"].format(count=left) if left > 0 else ""
     return PageTable(name, (t["space"], t["point_count"], t["sDA"], t["ASE"]), tuple(rows), note)
+
+
+def _storeys(numbers: Mapping[str, Any], spaces: int) -> list[Mapping[str, Any]]:
+    """Rows of the storeys; none where each has one space."""
+    told = told_rows(numbers, "storeys")
+    if len(told) >= spaces:
+        return []
+    all_spaces = labels()["all_spaces"]
+    return [{**storey, "storey": storey["name"], "name": all_spaces} for storey in told]
 
 
 def told_rows(numbers: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from drcmitsuba.metrics.grids import sensors_by_grid
+from drcmitsuba.model.materials import Lambertian, Reflectance
 from drcmitsuba.report.captions import month_names, period_text
 from drcmitsuba.report.document.facade import EvaluatedFacade
 from drcmitsuba.report.document.labels import labels
@@ -40,6 +41,7 @@ def asked(facades: list[EvaluatedFacade], names: list[str]) -> PageTable:
         t["period"]: lambda f: period_text(f.case, f.illuminance),
         t["building"]: _building,
         t["materials"]: _materials,
+        t["reflectances"]: _reflectances,
         t["shading"]: _shading,
         t["points"]: _points,
         t["asked_sda"]: lambda f: t["asked_sda_text"].format(
@@ -71,8 +73,32 @@ def _building(facade: EvaluatedFacade) -> str:
 
 
 def _materials(facade: EvaluatedFacade) -> str:
-    of_case = facade.case.materials.items()
-    every = [f"{text(name)} ({text(getattr(m, 'type', ''))})" for name, m in of_case]
+    words = {name: [getattr(m, "type", "")] for name, m in facade.case.materials.items()}
+    for name, material in facade.case.materials.items():
+        tau = getattr(material, "transmittance", None)
+        if isinstance(tau, float | int):
+            words[name].append(labels()["transmittance"].format(value=f"{tau:.2g}"))
+    return _listed([f"{text(name)} ({text(', '.join(of))})" for name, of in words.items()])
+
+
+def _reflectances(facade: EvaluatedFacade) -> str:
+    """Reflectances of the surfaces of a room or a model, by their names."""
+    case, every = facade.case, dict[str, Reflectance]()
+    if case.room is not None:
+        every = {name: getattr(case.room, name) for name in ("floor", "walls", "ceiling")}
+    for layer in case.building.layers:
+        if isinstance(layer.material, Lambertian):
+            every |= zip(layer.names, layer.material.sides, strict=False)
+    return _listed([f"{text(name)} {_reflectance(rho)}" for name, rho in every.items()])
+
+
+def _reflectance(rho: Reflectance) -> str:
+    """Reflectance, or that of each channel."""
+    return f"{rho:.2g}" if isinstance(rho, float | int) else " / ".join(f"{v:.2g}" for v in rho)
+
+
+def _listed(every: list[str]) -> str:
+    """Some of the entries, and the number of the others."""
     more = [f"+ {len(every) - MOST_NAMES}"] if len(every) > MOST_NAMES else []
     return ", ".join(every[:MOST_NAMES] + more) or NONE
 

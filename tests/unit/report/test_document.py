@@ -4,11 +4,13 @@ import json
 import re
 import string
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from drcmitsuba.report.document import record, tables
+from drcmitsuba.model.materials import GlazingMaterial, Lambertian
+from drcmitsuba.report.document import record, spaces, tables
 from drcmitsuba.report.document.charts import _runs
 from drcmitsuba.report.document.labels import labels
 from drcmitsuba.report.document.packing import STEPS, levels, packed, unpacked
@@ -127,3 +129,35 @@ def test_the_validation_of_the_report_is_that_of_the_tests():
 
 def test_metrics_of_the_months_are_those_of_the_charts():
     assert set(tables.MONTHLY) <= labels().keys()
+
+
+def _space(name, storey=""):
+    share = {"value": 50.0, "low": 49.0, "high": 51.0}
+    row = {"name": name, "storey": storey, "floor_area": 20.0, "sensors": 80}
+    return row | {"sDA": share, "ASE": share}
+
+
+@pytest.mark.parametrize(("upper", "rows"), [("1", []), ("0", [("all spaces", "0")])])
+def test_storeys_have_rows_where_one_has_several_spaces(upper, rows):
+    """With a space on each, the rows repeated those of the spaces."""
+    told = [_space("A", "0"), _space("B", upper)]
+    storeys = [_space(storey) for storey in sorted({"0", upper})]
+    numbers = {"spaces": told, "storeys": storeys, "building": _space("")}
+    shown = spaces.table(SimpleNamespace(numbers=numbers), "house").rows
+    names = [(row[0][0], row[2][0]) for row in shown]
+    assert names[2:-1] == rows
+    assert names[-1] == ("building, by floor area", "–")
+
+
+def test_what_was_asked_has_transmittances_and_both_sides_of_a_wall():
+    slab = SimpleNamespace(
+        material=Lambertian(0.7, behind=(0.2, 0.3, 0.4)), names=("ceiling", "floor")
+    )
+    pane = SimpleNamespace(material=GlazingMaterial(type="glazing", transmittance=0.07))
+    case = SimpleNamespace(
+        room=None, building=SimpleNamespace(layers=[slab, pane]),
+        materials={"glass": pane.material, "film": SimpleNamespace(type="bsdf")},
+    )  # fmt: skip
+    facade = SimpleNamespace(case=case)
+    assert tables._reflectances(facade) == "ceiling 0.7, floor 0.2 / 0.3 / 0.4"
+    assert tables._materials(facade) == "glass (glazing, transmittance 0.07), film (bsdf)"
