@@ -25,6 +25,7 @@ LONG = (
     "unit/design/test_facade_year.py",
     "unit/design/test_optimise.py",
     "unit/design/test_tilt.py",
+    "unit/eye",
     "unit/glare_year",
     "unit/goniophotometer/test_goniophotometer.py",
     "unit/metrics/test_more_metrics.py",

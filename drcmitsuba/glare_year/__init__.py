@@ -10,8 +10,8 @@ eyes
     Places of eyes, and their lines of sight.
 pixels
     Rays round an eye.
-openings, chains
-    Openings that rays meet; what rays meet, through panes and by way of mirrors.
+seen_ends
+    What rays of an eye end at, as glare counts it.
 films, suns
     Glow of films; images of the suns.
 seen, surface_light, luminance_noise

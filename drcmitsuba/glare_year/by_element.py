@@ -24,8 +24,8 @@ from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.summed_year import luminances_of
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import GroupStates
+from drcmitsuba.eye.openings import SeenOpenings
 from drcmitsuba.glare_year.eyes import Eyes
-from drcmitsuba.glare_year.openings import SeenOpenings
 from drcmitsuba.glare_year.place import SeenPlace, seen_places
 from drcmitsuba.glare_year.seen import SeenSurfaces
 from drcmitsuba.glare_year.state import again_with, coarser, on_paths

@@ -9,7 +9,7 @@ and shadow rays. f has the resolution of its file: a peak that is narrower than 
 spread over the cell, as wide and as dim as the cell makes it. Where f stands out (`STANDS_OUT`),
 `FilmGlow.sharpness` says how much smaller a sun's disk is than the cell.
 
-Rough mirrors glow by suns alone, with the lobe of their BSDF: `chains` follow what else they show.
+Rough mirrors glow by suns alone, with the lobe of their BSDF: rays follow what else they show.
 
 Limits: light that reaches the film by way of other surfaces is left out.
 """
@@ -26,11 +26,11 @@ import numpy as np
 from drcmitsuba_plugins.patches import Patches, patch_index
 from drcmitsuba_plugins.sampling import disk_solid_angle, sample_disk
 
-from drcmitsuba.glare_year.chains import Ends
+from drcmitsuba.eye.ends import EndRows
 from drcmitsuba.model.materials import MirrorMaterial
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.launch_size import SHADOW_RAYS
-from drcmitsuba.runtime.random_streams import even_numbers
+from drcmitsuba.runtime.random_streams import Stream, even_numbers, launch_seed
 from drcmitsuba.scene.materials import bsdf
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.films.peaks import STANDS_OUT
@@ -66,15 +66,15 @@ class FilmGlow:
 
 
 def glow(
-    scene: Scene, ends: Ends, suns: np.ndarray, diameter: float, subdivision: int, seed: int
+    scene: Scene, ends: EndRows, suns: np.ndarray, diameter: float, subdivision: int, seed: int
 ) -> FilmGlow:
-    """Glow of the films that chains end at.
+    """Glow of the films and rough mirrors that rays meet.
 
     Parameters
     ----------
     scene : Scene
-    ends : Ends
-        Ends at films.
+    ends : EndRows
+        Ends at films and rough mirrors.
     suns : np.ndarray, shape (sun, 3)
         Unit vectors to the suns.
     diameter : float
@@ -89,7 +89,7 @@ def glow(
     for index in np.unique(ends.part):
         mine = np.flatnonzero(ends.part == index)
         material, which = scene.parts[index].material, ends.take(mine)
-        own_seed = seed + 7919 * int(index)
+        own_seed = launch_seed(seed, Stream.GLOW, int(index))
         if isinstance(material, MirrorMaterial):
             lobe = mi.load_dict(bsdf(lobe_of(material)))
             if len(suns):
@@ -111,7 +111,7 @@ class _Film:
     """Directions on a sun's disk of every end."""
     scene: Scene
     bsdf: Any
-    ends: Ends
+    ends: EndRows
     seed: int
 
     def _interaction(self, row: mi.UInt32) -> mi.SurfaceInteraction3f:

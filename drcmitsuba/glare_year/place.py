@@ -9,12 +9,13 @@ import numpy as np
 
 from drcmitsuba.annual.run import Run
 from drcmitsuba.case.case import Case
+from drcmitsuba.eye.openings import SeenOpenings
 from drcmitsuba.glare_year.eyes import Eyes
 from drcmitsuba.glare_year.luminance_noise import DIM
 from drcmitsuba.glare_year.luminances import Luminances, PixelRows
-from drcmitsuba.glare_year.openings import SeenOpenings
 from drcmitsuba.glare_year.rule import Rule
 from drcmitsuba.glare_year.seen import Seen, SeenSurfaces, seen
+from drcmitsuba.glare_year.seen_ends import eye_paths
 from drcmitsuba.glare_year.sources import contrast_sums
 from drcmitsuba.glare_year.surface_light import (
     LightRows,
@@ -24,6 +25,7 @@ from drcmitsuba.glare_year.surface_light import (
     light_of_surfaces,
 )
 from drcmitsuba.picture.position_index import position_index
+from drcmitsuba.runtime.random_streams import Stream, case_seed
 from drcmitsuba.scene import scene
 from drcmitsuba.sky.daylight import Daylight
 
@@ -209,8 +211,10 @@ def seen_places(
     Parameters
     ----------
     case : Case
-    scenes, openings
-        As for `seen.seen`.
+    scenes : sequence of Scene
+        Scene with the first fill in every opening, with the second one, and so on.
+    openings : SeenOpenings, optional
+        Openings; without them there is one scene.
     rows : LightRows
     tracer : callable
         Traces the light of surfaces by these rows.
@@ -234,11 +238,13 @@ def seen_places(
     sun_index[shining] = np.arange(len(shining))
     suns = sky["sun_direction"].values[shining]
     channels = scene.channels_of(case, run.enabled_effects)
+    diameter = case.outside.sun_diameter
+    paths = [eye_paths(world, diameter, openings) for world in scenes]
 
     def shown(i: int, views: np.ndarray) -> Seen:
         return seen(
-            scenes, channels, openings, looking.points[views[0]], looking.frames[views], suns,
-            case.outside.sun_diameter, case.sky.subdivision, run.seed + i,
+            paths, channels, looking.points[views[0]], looking.frames[views], suns, diameter,
+            case.sky.subdivision, case_seed(run.seed, Stream.SEEN, i),
         )  # fmt: skip
 
     count = len(rows.elements)

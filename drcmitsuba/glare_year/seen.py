@@ -11,16 +11,17 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.patches import Patches, patch_index
 
-from drcmitsuba.glare_year.chains import TURNED, Chains, Ends
+from drcmitsuba.eye.ends import EndRows
+from drcmitsuba.eye.paths import EyePaths
 from drcmitsuba.glare_year.films import FilmGlow, glow
-from drcmitsuba.glare_year.openings import SeenOpenings
-from drcmitsuba.glare_year.pixels import EyeRays, merged, rays
-from drcmitsuba.glare_year.suns import Images, images
+from drcmitsuba.glare_year.pixels import FINER, EyeRays, merged, rays
+from drcmitsuba.glare_year.seen_ends import seen_ends
+from drcmitsuba.glare_year.suns import Images, images, shows_by_chance
 from drcmitsuba.glare_year.tiles import EyeTiles
 from drcmitsuba.picture.position_index import position_index
 from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.flat_arrays import flat
-from drcmitsuba.scene.scene import Scene
+from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.schema import channel_weights
 from drcmitsuba.transport.elements.weights import BESIDES
 
@@ -137,26 +138,29 @@ class Seen:
 class _Trace:
     """Ends of the rays of an eye with one fill in all openings."""
 
-    scene: Scene
-    chains: Chains
+    paths: EyePaths
     elements: np.ndarray
     """Element of every opening, and `BESIDES` last, int, shape (opening + 1,)."""
-    outside: Ends
-    films: Ends
-    surfaces: Ends
+    outside: EndRows
+    films: EndRows
+    surfaces: EndRows
 
     @classmethod
     def of(
-        cls, scene: Scene, channels: tuple[int, ...], openings: SeenOpenings | None, fill: int,
-        place: np.ndarray, directions: np.ndarray,
+        cls, paths: EyePaths, fill: int, place: np.ndarray, directions: np.ndarray,
+        channels: tuple[int, ...], seed: int,
     ) -> _Trace:  # fmt: skip
         """Trace rays with one fill; further fills tell nothing new of what is seen by none."""
-        chains = Chains(scene, channels, openings)
+        openings = paths.openings
         elements = np.array([BESIDES]) if openings is None else openings.elements(fill)
-        every = chains.ends(np.broadcast_to(place, directions.shape), directions)
-        trace = cls(scene, chains, elements, *every)
+        found = seen_ends(
+            paths, place, directions, seed=launch_seed(seed, Stream.EYE_PATHS), samples=FINER**2,
+            channels=channels,
+        )  # fmt: skip
+        every = found.outside, found.glowing, found.surfaces
+        trace = cls(paths, elements, *every)
         kept = (ends.take(trace.counts(ends.opening, fill)) for ends in every)
-        return cls(scene, chains, elements, *kept)
+        return cls(paths, elements, *kept)
 
     def counts(self, opening: np.ndarray, fill: int) -> np.ndarray:
         """Whether ends that are seen by an opening count in the trace of a fill, bool."""
@@ -197,20 +201,18 @@ class _Trace:
 
 
 def seen(
-    scenes: Sequence[Scene], channels: tuple[int, ...], openings: SeenOpenings | None,
-    place: np.ndarray, frames: np.ndarray, suns: np.ndarray, diameter: float, subdivision: int,
-    seed: int,
+    paths: Sequence[EyePaths], channels: tuple[int, ...], place: np.ndarray, frames: np.ndarray,
+    suns: np.ndarray, diameter: float, subdivision: int, seed: int,
 ) -> Seen:  # fmt: skip
     """Trace what is seen from a place.
 
     Parameters
     ----------
-    scenes : sequence of Scene
-        Scene with the first fill in every opening, with the second one, and so on.
+    paths : sequence of EyePaths
+        Those with the first fill in every opening, with the second one, and so on; one where there
+        are no openings.
     channels : tuple of int
         Colour channels of the case.
-    openings : SeenOpenings, optional
-        Openings; without them there is one scene.
     place : np.ndarray, shape (3,)
         Place of the eye [m].
     frames : np.ndarray, shape (view, 3, 3)
@@ -223,12 +225,12 @@ def seen(
         Reinhart's factor MF of the sky.
     seed : int
     """
-    forward = frames[:, 2]
+    forward, openings = frames[:, 2], paths[0].openings
     sent = rays(forward)
     count = len(sent.directions)
     traces = [
-        _Trace.of(scene, channels, openings, fill, place, sent.directions)
-        for fill, scene in enumerate(scenes)
+        _Trace.of(each, fill, place, sent.directions, channels, seed)
+        for fill, each in enumerate(paths)
     ]
     alone = np.all([t.alone(count) for t in traces], axis=0)
     key = np.where(alone, _keys([t.surfaces for t in traces], count), -1)
@@ -240,11 +242,11 @@ def seen(
     tiles = EyeTiles(first, sent.directions, pixel.ravel(), sent.solid_angle, forward)
     surfaces = [t.surfaces_of(sent, kept, len(channels)) for t in traces]
     traces = [t.outside_of(kept) for t in traces]
-    glows = [glow(t.scene, t.films, suns, diameter, subdivision, seed) for t in traces]
+    glows = [glow(t.paths.scene, t.films, suns, diameter, subdivision, seed) for t in traces]
     shown = []
     for fill, t in enumerate(traces):
-        mirroring = np.unique(sent.tile[t.outside.ray[t.outside.path == TURNED]])
-        own = images(t.chains, place, mirroring, suns, diameter, seed)
+        mirroring = np.unique(sent.tile[t.outside.ray[shows_by_chance(t.outside)]])
+        own = images(t.paths, place, mirroring, suns, diameter, seed)
         shown.append(own.take(t.counts(own.opening, fill)))
     by_images = [t.elements[own.opening] for t, own in zip(traces, shown, strict=True)]
     return Seen(
@@ -263,7 +265,7 @@ def _ones(row: np.ndarray, column: np.ndarray, shape: tuple[int, int]) -> Any:
     return sparse.csr_array((np.ones(len(row), np.float32), (row, column)), shape)
 
 
-def _keys(surfaces: Sequence[Ends], count: int) -> np.ndarray:
+def _keys(surfaces: Sequence[EndRows], count: int) -> np.ndarray:
     """Number of what each ray ends at in all traces, parts and sides in turn, int, (ray,)."""
     rows = []
     for fill, ends in enumerate(surfaces):
@@ -280,7 +282,7 @@ def _keys(surfaces: Sequence[Ends], count: int) -> np.ndarray:
     return np.unique(by_turn, axis=0, return_inverse=True)[1].ravel()
 
 
-def _again(ends: Ends) -> float:
+def _again(ends: EndRows) -> float:
     """Sum of the weights of ends that are seen by two openings in turn [–]."""
     weight = ends.weight[ends.again]
     return float(weight.sum() / max(1, weight.shape[-1] if weight.ndim > 1 else 1))

@@ -21,12 +21,15 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.sampling import disk_solid_angle, sample_disk
 
-from drcmitsuba.glare_year.chains import TURNED, Chains
-from drcmitsuba.glare_year.openings import NO_OPENING
+from drcmitsuba.eye.ends import EndRows, OnWay
+from drcmitsuba.eye.openings import NO_OPENING, SeenOpenings
+from drcmitsuba.eye.paths import EyePaths
 from drcmitsuba.glare_year.pixels import within
+from drcmitsuba.glare_year.seen_ends import seen_ends
 from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.flat_arrays import flat
-from drcmitsuba.runtime.random_streams import even_numbers
+from drcmitsuba.runtime.random_streams import Stream, even_numbers, launch_seed
+from drcmitsuba.transport.mirrors.mirror_planes import FAINT
 from drcmitsuba.transport.rays.shadow_rays import straight
 
 spatial = lazy.module("scipy.spatial")
@@ -69,14 +72,14 @@ Entered = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 def images(
-    chains: Chains, place: np.ndarray, mirroring: np.ndarray, suns: np.ndarray, diameter: float,
+    paths: EyePaths, place: np.ndarray, mirroring: np.ndarray, suns: np.ndarray, diameter: float,
     seed: int,
 ) -> Images:  # fmt: skip
     """Find the images of suns that an eye sees.
 
     Parameters
     ----------
-    chains : Chains
+    paths : EyePaths
     place : np.ndarray, shape (3,)
         Place of the eye [m].
     mirroring : np.ndarray of int, shape (tile,)
@@ -92,20 +95,22 @@ def images(
     p = mi.Point3f(*map(float, place))
 
     def straight_on(d: mi.Vector3f) -> mi.Float:
-        return straight(chains.scene, p, d, mi.Bool(True))
+        return straight(paths.scene, p, d, mi.Bool(True))
 
     def entered(disk: np.ndarray, d: np.ndarray) -> np.ndarray:
-        if chains.openings is None:
+        if paths.openings is None:
             return np.full(len(d), NO_OPENING)
-        return chains.openings.first(np.broadcast_to(place, d.shape), d, np.full(len(d), np.inf))
+        return _first(paths.openings, p, d)
 
-    parts = [_disks(np.arange(len(suns)), suns, diameter, seed, straight_on, entered)]
-    if chains.images is not None:
-        parts += _in_planes(chains, place, suns, diameter, seed)
+    first = launch_seed(seed, Stream.SUN_IMAGES, 0)
+    parts = [_disks(np.arange(len(suns)), suns, diameter, first, straight_on, entered)]
+    if paths.sun.images is not None:
+        parts += _in_planes(paths, place, suns, diameter, seed)
     parts += [
-        _mirrored(chains, place, mirroring[i : i + TILES], suns, diameter, seed + i)
+        _mirrored(paths, place, mirroring[i : i + TILES], suns, diameter,
+                  launch_seed(seed, Stream.SUN_TILES, i // TILES))
         for i in range(0, len(mirroring), TILES)
-    ]
+    ]  # fmt: skip
     return Images.joined(parts)
 
 
@@ -133,10 +138,10 @@ def _disks(
 
 
 def _in_planes(
-    chains: Chains, place: np.ndarray, suns: np.ndarray, diameter: float, seed: int
+    paths: EyePaths, place: np.ndarray, suns: np.ndarray, diameter: float, seed: int
 ) -> Iterator[Images]:
     """Yield the images of suns by each chain of planar mirrors."""
-    mirrored = chains.images
+    mirrored = paths.sun.images
     assert mirrored is not None
     p = mi.Point3f(*map(float, place))
     for k, (d, some, reached) in enumerate(
@@ -144,41 +149,42 @@ def _in_planes(
     ):
 
         def entered(disk: np.ndarray, d: np.ndarray, sun: np.ndarray = suns[some]) -> np.ndarray:
-            return _opening_of_images(chains, place, disk, d, sun, diameter)
+            return _opening_of_images(paths, place, disk, d, sun, diameter, seed)
 
-        yield _disks(some, d, diameter, seed + 7 * k + 1, reached, entered)
+        own = launch_seed(seed, Stream.SUN_IMAGES, k + 1)
+        yield _disks(some, d, diameter, own, reached, entered)
 
 
 def _opening_of_images(
-    chains: Chains, place: np.ndarray, disk: np.ndarray, d: np.ndarray, suns: np.ndarray,
-    diameter: float,
+    paths: EyePaths, place: np.ndarray, disk: np.ndarray, d: np.ndarray, suns: np.ndarray,
+    diameter: float, seed: int,
 ) -> np.ndarray:  # fmt: skip
     """Opening by which each ray sees the image of a sun in mirrors: that of its disk's first ray.
 
     Of what the ray shows, it is the strongest end in the sun's disk; where chance has let none
     through, the first opening along the ray.
     """
-    if chains.openings is None or not len(disk):
+    if paths.openings is None or not len(disk):
         return np.full(len(disk), NO_OPENING)
     each, first, image = np.unique(disk, return_index=True, return_inverse=True)
-    eyes = np.broadcast_to(place, (len(each), 3))
-    opening = chains.openings.first(eyes, d[first], np.full(len(each), np.inf))
-    outside, _, _ = chains.ends(eyes, d[first])
+    opening = _first(paths.openings, mi.Point3f(*map(float, place)), d[first])
+    outside = seen_ends(paths, place, d[first], seed=launch_seed(seed, Stream.EYE_PATHS)).outside
     cosine = np.einsum("ei,ei->e", outside.direction, suns[each][outside.ray])
-    shown = outside.take((outside.path > 0) & (cosine > np.cos(np.radians(diameter))))
+    shown = outside.take(outside.has_met(OnWay.TURN) & (cosine > np.cos(np.radians(diameter))))
     rising = shown.take(np.argsort(shown.weight, kind="stable"))
     opening[rising.ray] = rising.opening  # the strongest end is written last
     return opening[image.ravel()]
 
 
 def _mirrored(
-    chains: Chains, place: np.ndarray, tiles: np.ndarray, suns: np.ndarray, diameter: float,
+    paths: EyePaths, place: np.ndarray, tiles: np.ndarray, suns: np.ndarray, diameter: float,
     seed: int,
 ) -> Images:  # fmt: skip
     """Suns that are seen by way of mirrors, one image for each sun, tile and opening."""
     d, solid_angle = within(tiles, FINEST, seed)
-    outside, _, _ = chains.ends(np.broadcast_to(place, d.shape), d)
-    outside = outside.take(outside.path == TURNED)
+    own = launch_seed(seed, Stream.EYE_PATHS)
+    outside = seen_ends(paths, place, d, seed=own, samples=FINEST**2).outside
+    outside = outside.take(shows_by_chance(outside))
     radius = 2 * np.sin(np.radians(diameter) / 4)
     trees = (spatial.cKDTree(v) for v in (outside.direction, suns))
     met = next(trees).sparse_distance_matrix(next(trees), radius, output_type="ndarray")
@@ -192,6 +198,23 @@ def _mirrored(
     towards = towards / np.linalg.norm(towards, axis=1, keepdims=True)
     transmittance = np.bincount(image, weight) / count
     return Images(sun, towards, count * solid_angle, transmittance, opening)
+
+
+def shows_by_chance(outside: EndRows) -> np.ndarray:
+    """Whether rays that leave the scene may show suns that have no exact image, bool (end,).
+
+    Images as faint as chains of planar mirrors that are left out are left out as well.
+    """
+    counts = (outside.sun > 0) & (outside.weight > FAINT)
+    return np.asarray(counts & ~outside.has_met(OnWay.ROUGH | OnWay.MIRRORING_PANE))
+
+
+def _first(openings: SeenOpenings, p: mi.Point3f, d: np.ndarray) -> np.ndarray:
+    """Openings that rays from a place along d (ray, 3) meet first, int, (ray,)."""
+    if not len(d):
+        return np.zeros(0, int)
+    towards = mi.Vector3f(*(flat(d[:, k]) for k in range(3)))
+    return np.asarray(openings.first(p, towards).numpy().astype(int))
 
 
 def _numbered(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

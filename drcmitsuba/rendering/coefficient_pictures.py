@@ -78,14 +78,10 @@ def _slots(
     out, stride = dr.zeros(mi.Float, paths.slots * bins), dr.opaque(mi.UInt32, bins)
     first = dr.opaque(mi.UInt32, paths.first)
     dr.eval(out)
-    for slot, d, weight in (
-        (paths.through_slot, paths.through_d, paths.through),
-        (paths.mirrored_slot, paths.mirrored_d, paths.mirrored),
-    ):
-        if dr.width(weight):
-            at = (slot - first) * stride + patch_index(d, subdivision)
-            dr.scatter_add(out, weight, at)
-            dr.eval(out)
+    if dr.width(paths.outside):
+        at = (paths.outside_slot - first) * stride + patch_index(paths.outside_d, subdivision)
+        dr.scatter_add(out, paths.outside, at)
+        dr.eval(out)
     if dr.width(paths.pane):
         lane = dr.arange(mi.UInt32, dr.width(paths.pane) * bins)
         ray, bin_ = lane // stride, lane % stride

@@ -22,6 +22,9 @@ from drcmitsuba.transport.films.peaks import Peaks, take_out
 from drcmitsuba.transport.panes.patches import PanePatches
 from drcmitsuba.transport.panes.transfer import PaneLook, looks
 
+NEAR = 2e-3
+"""Distance within which a point is on a pane [m]."""
+
 
 @dataclass(frozen=True)
 class GlowTable:
@@ -57,16 +60,16 @@ class GlowTable:
         first = dr.opaque(mi.UInt32, int(self.first[-1]))
         return first + 2 * patch + dr.select(front, mi.UInt32(0), 1)
 
-    def seen(self, o: mi.Point3f, d: mi.Vector3f, weight: mi.Float) -> tuple[mi.UInt32, mi.Float]:
-        """Entries that rays of some weight meet first, and their weight; 0 where they meet none."""
-        at, nearest = mi.UInt32(0), mi.Float(dr.inf)
-        active, met = weight > 0, mi.Bool(False)
+    def seen(self, p: mi.Point3f, d: mi.Vector3f, weight: mi.Float) -> tuple[mi.UInt32, mi.Float]:
+        """Entries that rays along d meet at p, and their weight; 0 where no pane glows."""
+        at, met, nearest = mi.UInt32(0), mi.Bool(False), mi.Float(2 * NEAR)
+        ray = mi.Ray3f(p - NEAR * d, d, 2 * NEAR, 0, [])
         for panes in (self.films, self.patches):
             if panes is None:
                 continue
             patches = panes.patches if isinstance(panes, Films) else panes
-            hit = patches.scene.ray_intersect_preliminary(mi.Ray3f(o, d), active=active)
-            closer = hit.is_valid() & active & (hit.t < nearest)
+            hit = patches.scene.ray_intersect_preliminary(ray)
+            closer = hit.is_valid() & (dr.abs(hit.t - NEAR) < nearest)
             patch = dr.select(closer, hit.prim_index // 2, 0)
             front = dr.dot(dr.gather(mi.Normal3f, flat(patches.normal), patch), d) < 0
             if isinstance(panes, Films):
@@ -74,7 +77,7 @@ class GlowTable:
             else:
                 entry, known = self._of_face(patch, front), mi.Bool(True)
             at, met = dr.select(closer, entry, at), dr.select(closer, known, met)
-            nearest = dr.select(closer, hit.t, nearest)
+            nearest = dr.select(closer, dr.abs(hit.t - NEAR), nearest)
         return dr.select(met, at, 0), dr.select(met, weight, 0)
 
     def looked(

@@ -169,11 +169,9 @@ def _slots(
         dr.scatter_add(out, value, slot - first)
         dr.eval(out)
 
-    if dr.width(paths.through):
-        add(paths.through_slot, paths.through * outside.sky(paths.through_d))
-    if dr.width(paths.mirrored):
-        lit = outside.with_sun(paths.mirrored_d, paths.mirrored_sun)
-        add(paths.mirrored_slot, paths.mirrored * lit)
+    if dr.width(paths.outside):
+        lit = outside.with_sun(paths.outside_d, paths.outside_sun)
+        add(paths.outside_slot, paths.outside * lit)
     if dr.width(paths.rough) and outside.sun > 0:
         add(paths.rough_slot, paths.rough * in_rough_mirrors(traced, paths, outside))
     if dr.width(paths.pane):

@@ -17,11 +17,11 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.eye.ends import Ends, OnWay
+from drcmitsuba.eye.paths import EyePaths
 from drcmitsuba.picture.view import PictureView
 from drcmitsuba.rendering.caustics import Caustics
-from drcmitsuba.rendering.eye_paths import EyePaths, follow
 from drcmitsuba.rendering.glow import GlowTable
-from drcmitsuba.rendering.mirrored_sun import MirroredSun
 from drcmitsuba.rendering.sky_rays import SkyOpenings, sky_rays
 from drcmitsuba.rendering.surface_light import SurfaceLight, base_deposit
 from drcmitsuba.rendering.view_rays import pixel_rays
@@ -87,15 +87,11 @@ class PixelPaths:
     """First slot of these pixels."""
     slots: int
     """Number of slots."""
-    through_slot: mi.UInt32
-    through_d: mi.Vector3f
-    through: mi.Float
-    """Rays that leave the scene straight: direction and weight."""
-    mirrored_slot: mi.UInt32
-    mirrored_d: mi.Vector3f
-    mirrored: mi.Float
-    mirrored_sun: mi.Float
-    """Rays that leave it by mirrors, and the share of the sun's light along them that counts."""
+    outside_slot: mi.UInt32
+    outside_d: mi.Vector3f
+    outside: mi.Float
+    outside_sun: mi.Float
+    """Rays that leave the scene: direction, weight, and share of the sun's light that counts."""
     rough_slot: mi.UInt32
     rough_part: mi.UInt32
     rough_p: mi.Vector3f
@@ -192,13 +188,13 @@ class _Tracer:
 
     def __init__(
         self, scene: Scene, view: PictureView, rows: int, columns: int, sampling: Sampling,
-        accuracy: Accuracy, subdivision: int, glow: GlowTable, sun: MirroredSun,
+        accuracy: Accuracy, subdivision: int, glow: GlowTable, eye: EyePaths,
     ):  # fmt: skip
         self.scene, self.view, self.rows, self.columns = scene, view, rows, columns
         self.sampling, self.accuracy, self.subdivision, self.glow = (
             sampling, accuracy, subdivision, glow,
         )  # fmt: skip
-        self.sun = sun
+        self.eye = eye
         self.windows, self.once = SkyOpenings.of(scene), scene.effects.solved_cells
         self.grid = CellGrid.of(scene, accuracy.cell_size)
         self.cells = Cells.none(self.grid)
@@ -223,50 +219,50 @@ class _Tracer:
         lane += dr.opaque(mi.UInt32, here.start * s)
         seed = self._seed(Stream.EYE_PATHS)
         d, exists = pixel_rays(self.view, self.rows, self.columns, lane, s, seed)
+        dr.eval(d, exists)
+        some = dr.compress(exists)
         eye = dr.opaque(mi.Point3f, list(map(float, self.view.position)))
         with self.scene.ray_counter.purpose(Stream.EYE_PATHS.name):
-            seen = follow(self.scene, eye, d, exists, lane, s, seed, self.sun)
-        dr.eval(seen)
+            seen = self.eye.ends(
+                eye, dr.gather(mi.Vector3f, d, some), dr.gather(mi.UInt32, lane, some), s, seed
+            )
+        lane = dr.gather(mi.UInt32, lane, some)
         slot = (lane // s) * R + lane % s // (s // R)
 
-        def some(weight: mi.Float) -> mi.UInt32:
-            return dr.compress(weight > 0)
+        def slots(ends: Ends) -> mi.UInt32:
+            return dr.gather(mi.UInt32, slot, ends.ray)
 
-        through, mirrored, pane = (some(w) for w in (seen.through, seen.mirrored, seen.pane))
-        rough = some(seen.rough)
+        panes, rough = seen.panes, seen.rough
         at, glows = mi.UInt32(), mi.Float()
-        if dr.width(pane):
-            o, towards = (dr.gather(type(x), x, pane) for x in (seen.pane_o, seen.pane_d))
-            at, glows = self.glow.seen(o, towards, dr.gather(mi.Float, seen.pane, pane))
-
-        surface = some(seen.weight)
-        first, slots = here.start * R, (here.stop - here.start) * R
+        if dr.width(panes.ray):
+            at, glows = self.glow.seen(panes.p, panes.d, panes.weight)
+        first, slots_here = here.start * R, (here.stop - here.start) * R
         paths = PixelPaths(
-            first, slots,
-            _at(slot, through), _at(seen.d, through), _at(seen.through, through),
-            _at(slot, mirrored), _at(seen.mirrored_d, mirrored), _at(seen.mirrored, mirrored),
-            _at(seen.mirrored_sun, mirrored),
-            _at(slot, rough), _at(seen.rough_part, rough),
-            mi.Vector3f(_at(seen.rough_p, rough)), mi.Vector3f(_at(seen.rough_n, rough)),
-            _at(seen.rough_d, rough), _at(seen.rough, rough),
-            _at(slot, pane), at, glows,
-            _at(slot, surface), *self._surfaces(seen, lane, surface),
+            first, slots_here,
+            slots(seen.outside), seen.outside.d, seen.outside.weight, seen.outside.sun,
+            slots(rough), rough.part, mi.Vector3f(rough.front), mi.Vector3f(rough.n), rough.d,
+            rough.weight,
+            slots(panes), at, glows,
+            slots(seen.surfaces), *self._surfaces(seen.surfaces, lane),
         )  # fmt: skip
         dr.eval(paths.arrays())
         return paths
 
-    def _surfaces(self, seen: EyePaths, lane: mi.UInt32, surface: mi.UInt32) -> _Surfaces:
+    def _surfaces(self, seen: Ends, lane: mi.UInt32) -> _Surfaces:
         """Points, normals and weights of the surfaces that rays show, and rays from them."""
         whole, none = mi.UInt32(), mi.Float16()
-        if dr.width(surface) == 0:
+        if dr.width(seen.ray) == 0:
             p = mi.Vector3f(mi.Float(), mi.Float(), mi.Float())
             return p, p, mi.Float(), whole, whole, none, whole, none, whole, none
-        p, n = mi.Vector3f(_at(seen.p, surface)), mi.Vector3f(_at(seen.n, surface))
-        weight, number = _at(seen.weight, surface), _at(lane, surface)
+        p, n = mi.Vector3f(seen.front), mi.Vector3f(seen.n)
+        weight, number = (
+            seen.weight * self.eye.reflected(seen),
+            dr.gather(mi.UInt32, lane, seen.ray),
+        )
         dr.eval(p, n, weight, number)
         within = None
         if self.in_room is not None:
-            within = _at(seen.within, surface).numpy() & self.in_room
+            within = (seen.met & int(OnWay.PANE) == 0).numpy() & self.in_room
         with self.scene.ray_counter.purpose(Stream.EYE_GATHER.name):
             met = gather(
                 self.scene, _rows(p), _rows(n), replicates=1, paths=self.sampling.paths,
@@ -355,8 +351,8 @@ def trace(
         Without light paths where `keep` takes them.
     """
     traced = untraced(scene, view, rows, columns, sampling, accuracy, subdivision, diameter)
-    sun = MirroredSun.of(scene, traced.images, diameter)
-    tracer = _Tracer(scene, view, rows, columns, sampling, accuracy, subdivision, traced.glow, sun)
+    eye = EyePaths.of(scene, diameter)
+    tracer = _Tracer(scene, view, rows, columns, sampling, accuracy, subdivision, traced.glow, eye)
     kept: list[PixelPaths] = []
     for here in tracer.pixels():
         (keep or kept.append)(tracer.paths(here))

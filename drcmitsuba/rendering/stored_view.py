@@ -29,7 +29,7 @@ from drcmitsuba.transport.interreflection.solved_cells import OneBounce, Transfe
 KEPT = 1 << 30
 """Largest size of light paths that stay in memory [bytes]."""
 CELLS, STATED = "cells.zarr", "view.json"
-FORMAT = 4
+FORMAT = 5
 """Version of the arrays of a view: a folder of another one is written anew."""
 DRAWN = ("rank", "p", "n", "within")
 """Arrays of the points that stand for cells."""

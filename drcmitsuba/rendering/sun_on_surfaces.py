@@ -8,8 +8,8 @@ import drjit as dr
 import mitsuba as mi
 from drcmitsuba_plugins.sampling import TO_UNIT, disk_solid_angle, random_bits, sample_disk
 
+from drcmitsuba.eye.mirrored_sun import seen_in_rough
 from drcmitsuba.rendering.light_paths import PixelPaths, TracedView
-from drcmitsuba.rendering.mirrored_sun import seen_in_rough
 from drcmitsuba.rendering.outside import OutsideLuminances
 from drcmitsuba.rendering.surface_light import Glowing
 from drcmitsuba.runtime.random_streams import Stream, launch_seed

@@ -66,6 +66,14 @@ class Stream(Enum):
     """Seed of a round of adaptive sampling; round."""
     ROOMS = (_N, 12)
     """Seed of further sensors that share light on cells; number of their group."""
+    SEEN = (_N, 14)
+    """Seed of what eyes see from a place; number of the place."""
+    GLOW = (_N, 16)
+    """Directions from films and rough mirrors that eyes see; part of the scene."""
+    SUN_IMAGES = (_N, 18)
+    """Directions on suns, and on their images, that eyes see; 0, or number of the chain from 1."""
+    SUN_TILES = (_N, 20)
+    """Rays of eyes near those that see mirrors without exact images; number of the launch."""
     PANES = (_N, 0, _N)
     """Light on the faces of panes that scatter evenly; replicate, `Draw`."""
     FILMS = (_N, 0, 0, _N)

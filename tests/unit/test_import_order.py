@@ -18,7 +18,7 @@ import pytest
 
 ROOMS = [
     "schema", "runtime", "blocks", "model", "case", "sky", "colour", "bsdf", "scene",
-    "goniophotometer", "transport", "metrics", "controls", "standards", "report", "picture",
+    "goniophotometer", "transport", "eye", "metrics", "controls", "standards", "report", "picture",
     "export", "plan", "annual", "rendering", "glare_year", "design", "cli",
 ]  # fmt: skip
 MOST_FLOORS = 10

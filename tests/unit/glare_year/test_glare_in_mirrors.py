@@ -5,11 +5,11 @@ import pytest
 from drcmitsuba_plugins.sampling import disk_solid_angle
 
 from drcmitsuba.annual.run import Run
-from drcmitsuba.glare_year.chains import TURNED, Chains
 from drcmitsuba.glare_year.eyes import eyes
 from drcmitsuba.glare_year.pixels import rays
+from drcmitsuba.glare_year.seen_ends import eye_paths, seen_ends
 from drcmitsuba.glare_year.state import at_eyes, places
-from drcmitsuba.glare_year.suns import images
+from drcmitsuba.glare_year.suns import images, shows_by_chance
 from drcmitsuba.model.materials import GlazingMaterial, Lambertian, MirrorMaterial
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime import backend
@@ -27,11 +27,11 @@ def seen_in(*mirrors, **changes):
     backend.select()
     material = MirrorMaterial(type="mirror", reflectance=0.8, **changes)
     scene = build([Surface("mirrors", material, np.array(mirrors), "mirrors")])
-    chains, place = Chains(scene), np.array([0.0, 0.0, 1.0])
+    paths, place = eye_paths(scene, DIAMETER), np.array([0.0, 0.0, 1.0])
     sent = rays(np.array([[0, 1.0, 0], [0, -1.0, 0]]))
-    outside, _, _ = chains.ends(np.broadcast_to(place, sent.directions.shape), sent.directions)
-    tiles = np.unique(sent.tile[outside.ray[outside.path == TURNED]])
-    return images(chains, place, tiles, SUN[None], DIAMETER, 1)
+    outside = seen_ends(paths, place, sent.directions, seed=1).outside
+    tiles = np.unique(sent.tile[outside.ray[shows_by_chance(outside)]])
+    return images(paths, place, tiles, SUN[None], DIAMETER, 1)
 
 
 FLOOR = quad([0, -2, 0], [0.8, 0, 0], [0, 4, 0])
@@ -76,11 +76,10 @@ def test_a_polished_floor_is_matt_where_it_mirrors_nothing():
     scene = build([Surface("floor", floor, np.array([quad([-9, -9, 0], [18, 0, 0], [0, 18, 0])]))])
     cosine = np.array([1.0, 0.5, 0.2])
     down = np.stack([np.sqrt(1 - cosine**2), 0 * cosine, -cosine], axis=1)
-    eyes = np.tile([0, 0, 1.0], (3, 1))
-    outside, _, surfaces = Chains(scene).ends(eyes, down)
+    seen = seen_ends(eye_paths(scene, DIAMETER), np.array([0, 0, 1.0]), down, seed=1)
     more = np.exp(-5.85 * cosine) - np.exp(-5.85)
-    np.testing.assert_allclose(outside.weight, 0.05 + 0.95 * more, rtol=1e-5)
-    np.testing.assert_allclose(surfaces.weight[:, 0], 0.45 * (1 - more), rtol=1e-5)
+    np.testing.assert_allclose(seen.outside.weight, 0.05 + 0.95 * more, rtol=1e-5)
+    np.testing.assert_allclose(seen.surfaces.weight[:, 0], 0.45 * (1 - more), rtol=1e-5)
 
 
 def test_two_mirrors_show_it_three_times():
@@ -137,8 +136,9 @@ def test_a_pane_shows_the_sun_with_its_reflectance_and_only_within_its_outline()
             ]
         )
         found = images(
-            Chains(scene), np.array([0.0, 0.0, 1.0]), np.zeros(0, int), sun[None], DIAMETER, 1
-        )
+            eye_paths(scene, DIAMETER), np.array([0.0, 0.0, 1.0]), np.zeros(0, int), sun[None],
+            DIAMETER, 1,
+        )  # fmt: skip
         mirrored = found.direction[:, 1] > 0
         assert mirrored.sum() == 1
         np.testing.assert_allclose(found.direction[mirrored][0], sun * [1, -1, 1], atol=1e-6)

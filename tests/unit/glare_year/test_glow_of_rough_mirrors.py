@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from drcmitsuba_plugins.sampling import disk_solid_angle
 
-from drcmitsuba.glare_year.chains import Chains
 from drcmitsuba.glare_year.films import glow
+from drcmitsuba.glare_year.seen_ends import eye_paths, seen_ends
 from drcmitsuba.model.materials import Lambertian, MirrorMaterial
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene.geometry import Surface, quad
@@ -33,7 +33,7 @@ def _backend():
 
 def seen(*more):
     scene = build([Surface("wall", METAL, WALL[None], "wall"), *more])
-    _, films, _ = Chains(scene).ends(np.broadcast_to(EYE, RAYS.shape), RAYS)
+    films = seen_ends(eye_paths(scene, DIAMETER), EYE, RAYS, seed=1).glowing
     return films, glow(scene, films, SUNS, DIAMETER, 1, 0)
 
 

@@ -5,7 +5,7 @@ import pytest
 from drcmitsuba_plugins.sampling import disk_solid_angle
 
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.glare_year.chains import Chains
+from drcmitsuba.glare_year.seen_ends import eye_paths
 from drcmitsuba.glare_year.suns import images
 from drcmitsuba.model.materials import GlazingMaterial, Lambertian, MirrorMaterial
 from drcmitsuba.runtime import backend
@@ -256,7 +256,7 @@ def test_an_edge_behind_a_pane_cuts_the_disk_where_it_stands(aside):
     )  # fmt: skip
     sun = (image * [1, -1, 1])[None]
     place = np.zeros(3)
-    seen = images(Chains(scene), place, np.zeros(0, int), sun, DIAMETER, 0)
+    seen = images(eye_paths(scene, DIAMETER), place, np.zeros(0, int), sun, DIAMETER, 0)
     mirrored = seen.solid_angle[seen.direction[:, 1] > 0]
     share = mirrored.sum() / disk_solid_angle(DIAMETER)
     right = (np.arccos(aside) - aside * np.sqrt(1 - aside**2)) / np.pi

@@ -14,8 +14,9 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from drcmitsuba_plugins.symbolic import symbolic
 
-from drcmitsuba.runtime.flat_arrays import flat, flat_indices
+from drcmitsuba.runtime.flat_arrays import flat_indices
 from drcmitsuba.scene.meshes import paired_mesh
 from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 from drcmitsuba.scene.panes_in_state import GroupedPanes
@@ -70,48 +71,46 @@ class SeenOpenings:
     def _of_quad(self) -> mi.UInt32:
         return flat_indices(self.opening)
 
-    def first(self, p: np.ndarray, d: np.ndarray, most: np.ndarray) -> np.ndarray:
-        """Opening that rays meet first within some distances, `NO_OPENING` for none, int, (ray,).
+    def first(self, p: mi.Point3f, d: mi.Vector3f) -> mi.Int32:
+        """Opening that rays from p along d meet first, `NO_OPENING` for none."""
+        ray, far = mi.Ray3f(p, d), mi.Float(dr.inf)
+        return _met(self._scene, self._of_quad, ray, far, mi.Bool(True))[0]
+
+    @symbolic
+    def noted(
+        self, ray: mi.Ray3f, most: mi.Float, first: mi.Int32, again: mi.Bool, active: mi.Bool
+    ) -> tuple[mi.Int32, mi.Bool]:
+        """Opening that rays have met first, and whether they have met another one since.
 
         Parameters
         ----------
-        p, d : np.ndarray, shape (ray, 3)
-            Origins [m] and unit vectors.
-        most : np.ndarray, shape (ray,)
-            Distances [m], infinite for rays that meet no surface.
+        ray : mi.Ray3f
+        most : mi.Float
+            Distances to the surfaces that they meet next [m], infinite for none.
+        first, again
+            What they had met before.
+        active : mi.Bool
         """
-        return self._met(p, d, most)[0]
+        first, again, active = mi.Int32(first), mi.Bool(again), mi.Bool(active)
+        start, step = mi.Float(0), mi.UInt32(0)
+        panes, openings = self._scene, self._of_quad  # made before a loop is recorded
+        while dr.hint(active, exclude=[panes, openings, ray, most]):
+            onward = mi.Ray3f(ray.o + start * ray.d, ray.d)
+            opening, t = _met(panes, openings, onward, most - start, active)
+            active &= opening != NO_OPENING
+            again |= active & (first != NO_OPENING) & (first != opening)
+            first = dr.select(active & (first == NO_OPENING), opening, first)
+            start += t + NEAR * (1 + t)
+            step += 1
+            active &= step < MOST_IN_LINE
+        return first, again
 
-    def both(
-        self, p: np.ndarray, d: np.ndarray, most: np.ndarray, before: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """First opening of rays that met `before` (ray,), and whether they meet another now.
 
-        Arguments are as for `first`; `before` may be `NO_OPENING`.
-        """
-        opening, again = before.copy(), np.zeros(len(p), bool)
-        some, start = np.arange(len(p)), np.zeros(len(p))
-        for _ in range(MOST_IN_LINE):
-            met, far = self._met(p[some] + start[some, None] * d[some], d[some],
-                                 most[some] - start[some])  # fmt: skip
-            here = met != NO_OPENING
-            some, met, far = some[here], met[here], far[here]
-            if not len(some):
-                break
-            fresh = opening[some] == NO_OPENING
-            again[some[~fresh & (opening[some] != met)]] = True
-            opening[some[fresh]] = met[fresh]
-            start[some] += far + NEAR * (1 + far)
-        return opening, again
-
-    def _met(self, p: np.ndarray, d: np.ndarray, most: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """First opening within some distances, and its distance [m]."""
-        if not len(p):
-            return np.zeros(0, int), np.zeros(0)
-        origin = mi.Point3f(*(flat(p[:, k]) for k in range(3)))
-        ray = mi.Ray3f(origin, mi.Vector3f(*(flat(d[:, k]) for k in range(3))))
-        met = self._scene.ray_intersect_preliminary(ray, coherent=False)
-        t = met.t.numpy().astype(float)
-        within = met.is_valid().numpy() & (t <= most + NEAR * (1 + most))
-        quad = dr.gather(mi.UInt32, self._of_quad, met.prim_index // 2, met.is_valid())
-        return np.where(within, quad.numpy().astype(int), NO_OPENING), t
+def _met(
+    panes: mi.Scene, openings: mi.UInt32, ray: mi.Ray3f, most: mi.Float, active: mi.Bool
+) -> tuple[mi.Int32, mi.Float]:
+    """First opening within some distances, and its distance [m]."""
+    met = panes.ray_intersect_preliminary(ray, coherent=False, active=active)
+    within = active & met.is_valid() & (met.t <= most + NEAR * (1 + most))
+    opening = mi.Int32(dr.gather(mi.UInt32, openings, met.prim_index // 2, within))
+    return dr.select(within, opening, NO_OPENING), met.t
