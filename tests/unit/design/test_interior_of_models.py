@@ -15,6 +15,7 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import daylight
 from tests.differences import slopes
+from tests.fast import slowly
 from tests.model_rooms import case_of, layer
 from tests.system.every_room import MODELS, OF_MODEL, SHADING, write_models
 from tests.unit.design.test_design_reflectances import at, fresh
@@ -51,16 +52,14 @@ def of_file(kind, folder, more="", **accuracy):
     return case.with_tables(accuracy=case.accuracy.model_copy(update=accuracy))
 
 
-@pytest.mark.parametrize(
-    "kind", ["gbXML", *(pytest.param(k, marks=pytest.mark.slow) for k in CASES if k != "gbXML")]
-)
+@pytest.mark.parametrize("kind", slowly([*CASES], "Radiance", "mesh", "Honeybee"))
 def test_painted_model_equals_a_fresh_simulation(tmp_path, same, kind):
     samples = {"paths": 256, "cell_size": 0.3, "cell_sky_rays": 64, "sensor_sky_rays": 256}
     case = of_file(kind, tmp_path, **samples)
     year = daylight.daylight(case)
     interiors = [
         Interior.of(case.with_tables(accuracy=case.accuracy.model_copy(update={"seed": s})), year)
-        for s in range(6)
+        for s in range(4)
     ]
     E = np.stack([at(interior, PAINT[kind])[0] for interior in interiors])
     other = with_reflectances(
@@ -70,7 +69,7 @@ def test_painted_model_equals_a_fresh_simulation(tmp_path, same, kind):
     assert at(interiors[0], {})[0].mean() != pytest.approx(E.mean(), rel=0.05)
 
 
-@pytest.mark.parametrize("kind", CASES)
+@pytest.mark.parametrize("kind", slowly([*CASES], "Radiance", "mesh"))
 def test_gradients_by_every_material_are_the_differences(tmp_path, kind):
     case = of_file(kind, tmp_path)
     interior = Interior.of(case, daylight.daylight(case))
