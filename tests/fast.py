@@ -23,6 +23,7 @@ LONG = (
     "unit/design/test_design_reflectances.py",
     "unit/design/test_facade_groups.py",
     "unit/design/test_facade_year.py",
+    "unit/design/test_interior_of_models.py",
     "unit/design/test_optimise.py",
     "unit/design/test_tilt.py",
     "unit/eye",

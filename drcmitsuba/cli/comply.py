@@ -61,6 +61,7 @@ def comply(
     if change and not standard:
         raise InputError("command line", "--change", "no standard", "name one: --standard NAME")
     changes: list[Change | Refusal] = []
+    drawn = list[Path]()
     if is_folder:
         evidence = standards.Evidence.of_folder(source)
         judged: list[Verdict | Refusal] = (
@@ -79,6 +80,8 @@ def comply(
         told["changes"] = [each.to_dict() for each in changes]
     if output is not None:
         storage.save_json(told, output / "compliance.json")
+        told_changes = (each for each in changes if not isinstance(each, standards.Refusal))
+        drawn = [file for each in told_changes for file in each.save(output)]
     if as_json:
         print(json.dumps(told, indent=2, ensure_ascii=False))
     elif standard:
@@ -93,6 +96,8 @@ def comply(
         print("\n".join(seen.text()))
     if output is not None and not as_json:
         print(f"verdicts are in {output / 'compliance.json'}")
+        for file in drawn:
+            print(f'{file.name}: new windows of the change, windows = "{file.name}" in [model]')
 
 
 def _of_case(

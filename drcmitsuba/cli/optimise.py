@@ -74,7 +74,7 @@ def _facade(case: Case, output: Path, stage: Stage) -> None:
             optimum = front.optimum
             _save_numbers(optimum, output)
         front.save(output / "pareto.csv")
-    tables = layout.tables(optimum)
+    tables = layout.tables(optimum.best.share)
     for name, table in tables.items():
         storage.save_csv(table, output / name)
     hard = optimum.best.hard

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+from drcmitsuba.runtime import storage
 from drcmitsuba.standards import Verdict
 from drcmitsuba.standards.verdict import likelihood
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 SAME_VALUE = 5e-4
 """Difference of a parameter that counts as none, in its unit."""
@@ -21,19 +26,28 @@ class Move:
     after: str
     area: float
     """Area [m²]."""
-    bottom: float
-    top: float
-    """Heights of the lowest and the highest edge of the tiles that it lies in [m]."""
+    heights: tuple[float, float] | None = None
+    """Heights of the lowest and the highest edge of the tiles that it lies in [m]; None for panes
+    of a model."""
+    places: tuple[str, ...] = ()
+    """Panes and walls of a model in which it lies."""
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values, for JSON."""
-        at = {"bottom": self.bottom, "top": self.top}
-        return {"from": self.before, "to": self.after, "m2": self.area, **at}
+        told: dict[str, Any] = {"from": self.before, "to": self.after, "m2": self.area}
+        if self.heights is not None:
+            told |= dict(zip(("bottom", "top"), self.heights, strict=True))
+        return told | ({"in": [*self.places]} if self.places else {})
 
     def text(self) -> str:
         """Write the area with its materials, and where it lies."""
-        at = f"between {self.bottom:.2f} and {self.top:.2f} m"
-        return f"{self.area:.2f} m² of {self.before} to {self.after} {at}"
+        words = [f"{self.area:.2f} m² of {self.before} to {self.after}"]
+        if self.heights is not None:
+            low, high = self.heights
+            words.append(f"between {low:.2f} and {high:.2f} m")
+        if self.places:
+            words.append(f"in {', '.join(self.places)}")
+        return " ".join(words)
 
 
 @dataclass(frozen=True)
@@ -59,11 +73,13 @@ class Change:
     moves: tuple[Move, ...]
     """Its parts by material, the largest first."""
     facade_area: float
-    """Area of the façade [m²]."""
+    """Area of the façade, or of a model's walls or panes that are searched [m²]."""
     parameters: Mapping[str, tuple[float, float]]
     """Free parameters of one value each, now and then."""
     composition: Mapping[str, list[float]]
     """Share of every tile by material."""
+    tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)
+    """Tables of the changed façade by the names of their files: new windows of a model."""
 
     @property
     def probability(self) -> float | None:
@@ -96,6 +112,14 @@ class Change:
             "tried": self.tried,
             "finished": self.finished,
         }
+
+    def save(self, folder: Path) -> list[Path]:
+        """Write the tables to a folder, each with the standard before its name; their files."""
+        files = []
+        for name, table in self.tables.items():
+            files.append(folder / f"{self.standard}_{name}")
+            storage.save_csv(table, files[-1])
+        return files
 
     def text(self) -> list[str]:
         """Lines for people."""

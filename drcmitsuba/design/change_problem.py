@@ -3,12 +3,14 @@
     minimise   A(x) = Σ_tile area · ½ Σ_material |share(x) − share now|
     subject to the level is reached,  area of the panes as in [design]
 
-A is the area that another material takes [m²].
+A is the area that another material takes [m²]. Where glazing has a free transmittance, all panes of
+another one that stay as they are count, too; a search by gradients lets them count by degrees.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -16,12 +18,16 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from drcmitsuba.design.change import SAME_VALUE
+from drcmitsuba.design.parameters import Factor, Values
 from drcmitsuba.design.problem import FacadeProblem, gradients
 from drcmitsuba.design.requirement import Requirement
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.standards.verdict import Outcome
 
+DIGITS = 4
+"""Digits of areas that are compared, in single precision [m²]."""
 SAME = 1e-4
 """Changed area that counts as none, as a fraction of the tiles' area."""
 
@@ -35,7 +41,7 @@ class Slopes:
     margins : np.ndarray, shape (margin,)
     by_margin : np.ndarray, shape (margin, free)
     changed, window : np.ndarray, shape (free,)
-        Gradients of the changed area and of the panes' area [m²].
+        Gradients of the changed area by degrees and of the panes' area [m²].
     """
 
     margins: np.ndarray
@@ -55,6 +61,8 @@ class ChangeCandidate:
     share : np.ndarray, shape (tile, material)
     changed, window_area : float
         Area that changes, and area of all panes [m²].
+    by_degrees : float
+        Area that changes, panes of another transmittance by the part of its range [m²].
     outcome : Outcome
     margins : np.ndarray, shape (margin,)
         Hard margins, from `Requirement.hard`.
@@ -66,9 +74,15 @@ class ChangeCandidate:
     share: np.ndarray
     changed: float
     window_area: float
+    by_degrees: float
     outcome: Outcome
     margins: np.ndarray
     slopes: Slopes | None
+
+    @property
+    def cost(self) -> tuple[float, float]:
+        """Areas by which changes are compared, see `ChangeProblem.cost` [m²]."""
+        return round(self.changed, DIGITS), self.by_degrees
 
     @property
     def objective(self) -> float:
@@ -87,19 +101,23 @@ class ChangeProblem:
     requirement : Requirement
     now : np.ndarray, shape (tile, material)
         Composition as it is.
+    glass : dict of str to float
+        Area of all panes as they are by their material [m²], where a transmittance is free.
 
     Raises
     ------
     InputError
-        No values of the parameters within their bounds give the façade as it is.
+        No values of the parameters within their bounds give the façade as it is, or panes of one
+        parameter have several transmittances.
     """
 
     facade: FacadeProblem
     requirement: Requirement
     now: np.ndarray
+    glass: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        values = self.facade.facade.values_of(self.now)
+        values = self.values_now
         for p in self.facade.parameters:
             v = values[p.key]
             slack = 1e-6 * max(1.0, abs(p.high))
@@ -117,9 +135,23 @@ class ChangeProblem:
         return self.facade.size
 
     @cached_property
+    def values_now(self) -> Mapping[str, np.ndarray]:
+        """Values of the parameters of the façade as it is, (count,) each."""
+        values = dict(self.facade.facade.values_of(self.now))
+        for factor in self.facade.factors:
+            own = {name: tau for name, tau in factor.now.items() if self.glass.get(name)}
+            first, *others = (own or factor.now).values()
+            if any(abs(tau - first) > SAME_VALUE for tau in others):
+                told = ", ".join(f"{name} {tau:g}" for name, tau in own.items())
+                remedy = "name panes of one transmittance, or give no range"
+                raise InputError("design", factor.parameter.key, f"panes have {told}", remedy)
+            values[factor.parameter.key] = np.array([first])
+        return values
+
+    @cached_property
     def start(self) -> np.ndarray:
         """Free values of the façade as it is, fractions of their ranges, shape (free,)."""
-        values = self.facade.facade.values_of(self.now)
+        values = self.values_now
         parts = [(values[p.key] - p.low) / (p.high - p.low) for p in self.facade.free]
         return np.clip(np.concatenate(parts), 0.0, 1.0)
 
@@ -141,8 +173,17 @@ class ChangeProblem:
 
     def changed(self, x: np.ndarray) -> float:
         """Area that changes at x (free,) [m²]."""
+        return self._areas(x)[0]
+
+    def cost(self, x: np.ndarray) -> tuple[float, float]:
+        """Area that changes at x (free,), and, where that is the same, by degrees [m²]."""
+        changed, by_degrees = self._areas(x)
+        return round(changed, DIGITS), by_degrees
+
+    def _areas(self, x: np.ndarray) -> tuple[float, float]:
         values = self.facade.values(mi.Float(np.asarray(x, np.float32)))
-        return float(self._changed(self.facade.facade.share(values))[0])
+        changed, by_degrees = self._changed(self.facade.facade.share(values), values)
+        return changed, float(by_degrees[0])
 
     def evaluate(self, x: np.ndarray, sharpness: float | None = None) -> ChangeCandidate:
         """Evaluate x (free,), 0 to 1: by hard numbers, and with slopes at a sharpness."""
@@ -150,16 +191,18 @@ class ChangeProblem:
         free = mi.Float(x.astype(np.float32))
         if sharpness is not None:
             dr.enable_grad(free)
-        share, E = self.facade.illuminance(self.facade.values(free))
-        changed, window = self._changed(share), self.facade.window_area(share)
+        values = self.facade.values(free)
+        share, E = self.facade.illuminance(values)
+        window = self.facade.window_area(share)
+        changed, by_degrees = self._changed(share, values)
         slopes = None
         if sharpness is not None:
             smooth = self.requirement.smooth(E, sharpness)
-            of_changed, of_window, *by_margin = gradients(free, (changed, window, *smooth))
+            of_changed, of_window, *by_margin = gradients(free, (by_degrees, window, *smooth))
             margins = np.array([float(dr.detach(m)[0]) for m in smooth])
             slopes = Slopes(margins, np.array(by_margin), of_changed, of_window)
         outcome, hard = self.requirement.hard(E)
-        areas = float(changed[0]), float(window[0])
+        areas = changed, float(window[0]), float(by_degrees[0])
         return ChangeCandidate(x, share.numpy(), *areas, outcome, hard, slopes)
 
     def named(self, x: np.ndarray) -> dict[str, np.ndarray]:
@@ -173,8 +216,9 @@ class ChangeProblem:
     def merit(self, candidate: ChangeCandidate) -> tuple[float, ...]:
         """Sort key: the least change that holds; if none does, the largest of the least margins."""
         holds = self.holds(candidate)
-        value = -candidate.changed if holds else candidate.outcome.margin.slack
-        return -self.facade.area_error(candidate), float(holds), value
+        slack = candidate.outcome.margin.slack
+        value = tuple(-area for area in candidate.cost) if holds else (slack, 0.0)
+        return -self.facade.area_error(candidate), float(holds), *value
 
     def numbers(self, candidate: ChangeCandidate) -> dict[str, float]:
         """Areas [m²] and the hard margin that decides, in its own unit."""
@@ -187,7 +231,42 @@ class ChangeProblem:
         columns = zip(self.facade.year.materials, candidate.share.T, strict=True)
         return {"composition": {k: [round(float(v), 5) for v in column] for k, column in columns}}
 
-    def _changed(self, share: mi.TensorXf) -> mi.Float:
-        """Area that other materials take than now [m²]."""
+    def replaced(self, candidate: ChangeCandidate) -> dict[str, float]:
+        """Area of panes that stay, but with another transmittance, by parameter [m²]."""
+        return self._replaced(candidate.share, self.facade.named(candidate.x))
+
+    def _replaced(self, share: np.ndarray, values: Values) -> dict[str, float]:
+        """Area of panes with another transmittance than now, by parameter [m²].
+
+        What another material takes of them (tile, material) is left out.
+        """
+        film, lost = self.facade.goal.film, np.maximum(self.now - share, 0)
+        own = [name not in ("wall", film) for name in self.facade.year.materials]
+        taken = float(self.facade.year.tiles.area @ lost[:, own].sum(axis=1))
+        areas = {}
+        for factor in self.facade.factors:
+            key = factor.parameter.key
+            moved = float(dr.detach(values[key])[0]) - float(self.values_now[key][0])
+            if abs(moved) > SAME_VALUE:
+                areas[key] = max(self._glass(factor) - taken, 0.0)
+        return areas
+
+    def _glass(self, factor: Factor) -> float:
+        """Area of all panes of a factor's materials [m²]."""
+        return sum(self.glass.get(name, 0.0) for name in factor.now)
+
+    def _changed(self, share: mi.TensorXf, values: Values) -> tuple[float, mi.Float]:
+        """Area that other materials take than now, or glass of another transmittance [m²].
+
+        The second one counts the panes by the part of the range that their transmittance moves.
+        """
         weight = np.repeat(self.facade.year.tiles.area / 2, self.now.shape[1])
-        return dr.sum(dr.abs(share.array - flat(self.now)) * flat(weight))
+        moved = dr.sum(dr.abs(share.array - flat(self.now)) * flat(weight))
+        if not self.facade.factors:
+            return float(moved[0]), moved
+        by_degrees = moved
+        for factor in self.facade.factors:
+            p = factor.parameter
+            way = dr.abs(values[p.key] - float(self.values_now[p.key][0])) / (p.high - p.low)
+            by_degrees = by_degrees + self._glass(factor) * way
+        return float(moved[0]) + sum(self._replaced(share.numpy(), values).values()), by_degrees

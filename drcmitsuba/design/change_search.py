@@ -93,9 +93,9 @@ def _scan(history: ChangeHistory, progress: Progress) -> None:
     low, high = np.zeros(problem.size), np.ones(problem.size)
     for number in range(GRIDS):
         grid = [np.array(x) for x in product(*np.linspace(low, high, levels).T)]
-        changed = np.array([problem.changed(x) for x in grid])
-        least = np.inf if best is None else best.changed
-        order = [i for i in np.argsort(changed, kind="stable") if changed[i] < least]
+        cost = [problem.cost(x) for x in grid]
+        least = (np.inf, np.inf) if best is None else best.cost
+        order = sorted((i for i, own in enumerate(cost) if own < least), key=lambda i: cost[i])
         for done, i in enumerate(order):
             candidate = history.evaluate(grid[i], "grid")
             if problem.holds(candidate):
@@ -129,7 +129,7 @@ def _return(history: ChangeHistory, progress: Progress) -> None:
         candidate = history.evaluate(x, "return")
         if not problem.holds(candidate):
             return False
-        best = min(best, candidate, key=lambda c: c.changed)
+        best = min(best, candidate, key=lambda c: c.cost)
         return True
 
     def back(to: np.ndarray, halvings: int) -> None:
@@ -149,7 +149,7 @@ def _return(history: ChangeHistory, progress: Progress) -> None:
     for done, axis in enumerate(moved):
         to = best.x.copy()
         to[axis] = start[axis]
-        if problem.changed(to) < best.changed:
+        if problem.cost(to) < best.cost:
             back(to, halvings)
         progress((done + 1) / len(moved))
 
@@ -193,7 +193,7 @@ class _Stage:
             "jac": lambda p: self._slopes(p).by_margin,
         }
         return self._minimise(
-            lambda p: self._at(p).changed / unit,
+            lambda p: self._at(p).by_degrees / unit,
             lambda p: self._slopes(p).changed / unit,
             [level, *self._window_area()],
         )

@@ -8,7 +8,8 @@ case ─ Layout ──────────► light by tile and material, al
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from itertools import islice
 
 import numpy as np
@@ -19,6 +20,7 @@ from drcmitsuba.design.change import Change, Move
 from drcmitsuba.design.change_problem import ChangeCandidate, ChangeProblem
 from drcmitsuba.design.change_search import ChangeOptimum, least_change
 from drcmitsuba.design.composed_facades import Facades
+from drcmitsuba.design.facade_tiles import FacadeParts
 from drcmitsuba.design.requirement import Requirement
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
@@ -92,7 +94,8 @@ def cheapest_change(judged: Verdict, facades: Facades, stage: Stage = silent) ->
     now = verdict(name, facades.evidence(facades.present))
     level, groups = read(name).levels[target].name, facades.tiled.groups
     requirement = Requirement.of(layout.case, name, level, facades.light, groups)
-    problem = ChangeProblem(facades.problem, requirement, facades.present)
+    glass = facades.parts.glass if facades.problem.factors else {}
+    problem = ChangeProblem(facades.problem, requirement, facades.present, glass)
     if now.levels[target].reached:
         start = problem.evaluate(problem.start)
         return _change(problem, facades, now, now, target, start, (1, True))
@@ -110,13 +113,19 @@ def _judged(
 
     The search counts in single precision: a point at its threshold may count otherwise here.
     """
-    history = optimum.history
+    history, facade = optimum.history, optimum.problem.facade
+
+    def judged(candidate: ChangeCandidate) -> Verdict:
+        scale = facade.scale(facade.named(candidate.x))
+        factors = {name: float(factor[0]) for name, factor in scale.items()}
+        return verdict(standard, facades.evidence(candidate.share, factors))
+
     passing = [c for c in history.candidates if optimum.problem.holds(c)]
-    for candidate in islice(sorted(passing, key=lambda c: c.changed), MOST_JUDGED):
-        changed = verdict(standard, facades.evidence(candidate.share))
+    for candidate in islice(sorted(passing, key=lambda c: c.cost), MOST_JUDGED):
+        changed = judged(candidate)
         if changed.levels[target].reached:
             return candidate, changed
-    return optimum.best, verdict(standard, facades.evidence(optimum.best.share))
+    return optimum.best, judged(optimum.best)
 
 
 def _change(
@@ -124,8 +133,7 @@ def _change(
     candidate: ChangeCandidate, counts: tuple[int, bool],
 ) -> Change:  # fmt: skip
     """Put a change together; `counts` are the tried façades and whether the search ended."""
-    layout, (tried, finished) = facades.layout, counts
-    assert layout.case.room is not None
+    tried, finished = counts
     before = problem.named(problem.start_towards(candidate.x))
     after = problem.named(candidate.x)
     single = [p for p in problem.facade.free if p.count == 1]
@@ -139,28 +147,46 @@ def _change(
         tried=tried,
         finished=finished,
         area=candidate.changed,
-        moves=moves(problem, candidate.share),
-        facade_area=layout.length * layout.case.room.size[2],
+        moves=moves(problem, candidate, facades.parts),
+        facade_area=facades.parts.area,
         parameters=pairs,
         composition=problem.details(candidate)["composition"],
+        tables=facades.layout.tables(candidate.share) if candidate.changed > 0 else {},
     )
 
 
-def moves(problem: ChangeProblem, share: np.ndarray) -> tuple[Move, ...]:
-    """Areas that change from one material to another in a composition, shape (tile, material).
+def moves(
+    problem: ChangeProblem, candidate: ChangeCandidate, parts: FacadeParts
+) -> tuple[Move, ...]:
+    """Areas that change from one material to another, or keep it with another transmittance.
 
     In a tile that loses and gains several materials, each loss is shared out by the gains.
     """
-    year = problem.facade.year
+    tiles, share = problem.facade.year.tiles, candidate.share
     lost, gained = (np.maximum(s * (share - problem.now), 0) for s in (-1, 1))
     part = gained / np.maximum(gained.sum(axis=1, keepdims=True), 1e-12)
-    areas = year.tiles.area[:, None, None] * lost[:, :, None] * part[:, None, :]
-    least, out = LEAST_MOVE * areas.sum(), []
-    for i, j in zip(*np.nonzero(areas.sum(axis=0) > least), strict=True):
-        where = np.flatnonzero(areas[:, i, j] > least / len(areas))
-        low, high = (year.tiles.bounds[where, k] for k in (2, 3))
-        area = float(areas[:, i, j].sum())
-        out.append(
-            Move(year.materials[i], year.materials[j], area, float(low.min()), float(high.max()))
-        )
+    areas = tiles.area[:, None, None] * lost[:, :, None] * part[:, None, :]
+    least = LEAST_MOVE * candidate.changed
+    of_names = defaultdict[tuple[str, str], list[tuple[int, float]]](list)
+    for tile, i, j in zip(*np.nonzero(areas), strict=True):
+        names = parts.fills[tile][i], parts.fills[tile][j]
+        of_names[names].append((int(tile), float(areas[tile, i, j])))
+    out = list(_transmittances(problem, candidate))
+    for (before, after), own in of_names.items():
+        area = sum(a for _, a in own)
+        if area > least:
+            where = np.array([tile for tile, a in own if a > least / len(tiles)])
+            low, high = (tiles.bounds[where, k] for k in (2, 3))
+            heights = (float(low.min()), float(high.max())) if parts.upright[where].all() else None
+            places = dict.fromkeys(filter(None, (parts.places[tile] for tile in where)))
+            out.append(Move(before, after, area, heights, tuple(places)))
     return tuple(sorted(out, key=lambda move: -move.area))
+
+
+def _transmittances(problem: ChangeProblem, candidate: ChangeCandidate) -> Iterator[Move]:
+    """Yield panes that stay, with another transmittance."""
+    values = problem.named(candidate.x)
+    for key, area in problem.replaced(candidate).items():
+        now, then = (float(v[key][0]) for v in (problem.values_now, values))
+        if area > 0:
+            yield Move(f"glazing of transmittance {now:.3f}", f"{then:.3f}", area)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,12 +17,12 @@ from drcmitsuba.annual.summed_year import luminances_of, replicates_of
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, State
 from drcmitsuba.case.sun import Adaptive, TrueSun
-from drcmitsuba.design import present_facade
-from drcmitsuba.design.facade_tiles import TiledLight
+from drcmitsuba.design.facade_tiles import FacadeParts, TiledLight
 from drcmitsuba.design.facade_year import FacadeYear
+from drcmitsuba.design.free_transmittances import GLAZING
 from drcmitsuba.design.layout import Layout
+from drcmitsuba.design.model_layout import ModelLayout
 from drcmitsuba.design.problem import FacadeProblem
-from drcmitsuba.design.realise import realise
 from drcmitsuba.metrics.evaluate_metrics import drawing
 from drcmitsuba.metrics.illuminance import illuminance
 from drcmitsuba.plan import Plan, plan
@@ -39,7 +40,7 @@ class Facades:
 
     Parameters
     ----------
-    layout : Layout
+    layout : Layout or ModelLayout
         Contents of `[design]`.
     tiled : TiledLight
         Light by tile with all replicates.
@@ -47,7 +48,7 @@ class Facades:
         Daylight of the case's period.
     """
 
-    layout: Layout
+    layout: Layout | ModelLayout
     tiled: TiledLight
     light: Daylight
 
@@ -58,40 +59,44 @@ class Facades:
         Raises
         ------
         InputError
-            The search for a façade cannot hold the case: it has no `[design]`, tilts lamellae, is
-            of a model, has components in its strips or other materials, groups that take too many
-            states, or takes more memory than there is.
+            The search for a façade cannot hold the case: it has no `[design]`, tilts lamellae, has
+            components in its strips or other materials, groups that take too many states, or takes
+            more memory than there is.
         """
         if case.design is not None and case.design.component is not None:
             got = "the tilt of lamellae is searched, not a façade"
             raise InputError(case.source, "design.component", got, "name a film in its place")
-        if case.model is not None:
-            got = "the cheapest change of a façade knows no panes or walls of a model"
-            remedy = "let optimise search them"
-            raise InputError(case.source, "model", got, remedy)
         if isinstance(case.sun, Adaptive):  # its mesh would follow one composition
             case = case.with_tables(sun=TrueSun())
-        layout = Layout.of(_without_goal(case))
-        heights = present_facade.heights(layout)
         backend.select()
-        return cls(layout, *layout.light(heights, stage=stage))
+        kind = Layout if case.model is None else ModelLayout
+        layout = kind.of(_without_goal(case))
+        return cls(layout, *layout.light_as_drawn(stage))
 
     @cached_property
     def present(self) -> np.ndarray:
         """Composition as the façade is, shape (tile, material)."""
-        return present_facade.composition(self.layout, self.tiled.tiles, self.tiled.materials)
+        return self.layout.as_drawn(self.tiled)
+
+    @cached_property
+    def parts(self) -> FacadeParts:
+        """Tiles in words and areas."""
+        return self.layout.parts(self.tiled)
 
     @cached_property
     def problem(self) -> FacadeProblem:
-        """Parameters of the façade; transmittances stay as they are."""
-        year = FacadeYear.of(self.tiled, self.light)
-        return replace(self.layout.problem(year), factors=())
+        """Parameters of the façade; the shade keeps its transmittance."""
+        problem = self.layout.problem(FacadeYear.of(self.tiled, self.light))
+        of_glass = tuple(f for f in problem.factors if f.parameter.key == GLAZING)
+        return replace(problem, factors=of_glass)
 
-    def evidence(self, share: np.ndarray) -> Evidence:
-        """Evidence of a composition (tile, material): E with its C and L."""
-        layout, tiled, light = self.layout, self.tiled, self.light
-        tiles, names = tiled.tiles, tiled.materials
-        built = realise(layout.case, layout.side, tiles, share, names, layout.film)
+    def evidence(self, share: np.ndarray, scale: Mapping[str, float] | None = None) -> Evidence:
+        """Evidence of a composition (tile, material): E with its C and L.
+
+        `scale` are factors of the transmittance of materials by name, by default 1.
+        """
+        layout, light, tiled = self.layout, self.light, self.tiled.scaled(scale or {})
+        built = layout.composed(tiled, share)
         facade = ComposedFacade(built, tiled, share)
         coefficients, direct, *_ = facade.simulated(plan(built, light))
         E = illuminance(coefficients, light.sky, direct)
@@ -104,6 +109,7 @@ def _without_goal(case: Case) -> Case:
     if case.design is None:
         return case
     goal = {"objective": "sDA", "sda_least": None, "standard": None, "level": None}
+    goal |= {"glare_limit": None}
     return case.with_tables(design=case.design.model_copy(update=goal))
 
 
@@ -125,8 +131,7 @@ class ComposedFacade:
             index = int(groups.places(np.array(groups.rule.groups.indices(state))))
         C = tiled.coefficients(self.share, index)
         C = C.assign_coords(prepared(self.case).receivers.coordinates.coords)
-        if groups is not None and state == OPEN:
-            assert tiled.group is not None
+        if groups is not None and tiled.group is not None and state == OPEN:
             shares = tiled.shares(self.share)
             by = group_of_sun(tiled.channels, shares, tiled.group, len(groups.rule.groups))
             C = C.assign(pane_group=(("sensor", "bin"), by))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -43,6 +43,22 @@ class Tiles:
         """Area of every tile, shape (tile,) [m²]."""
         left, right, bottom, top = self.bounds.T
         return (right - left) * (top - bottom) * (1.0 if self.filled is None else self.filled)
+
+
+@dataclass(frozen=True)
+class FacadeParts:
+    """Tiles of a searched façade in the words and areas of a report."""
+
+    area: float
+    """Area of the façade, of the walls, or of the panes that are searched [m²]."""
+    fills: tuple[tuple[str, ...], ...]
+    """Name of each material of every tile, the columns of a composition."""
+    places: tuple[str, ...]
+    """Place of every tile, such as "Room_1 (south)"; "" in a room of boxes."""
+    upright: np.ndarray
+    """Whether the heights of a tile are those of the façade, bool, shape (tile,)."""
+    glass: Mapping[str, float]
+    """Area of all panes as drawn by their material [m²]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,6 +155,13 @@ class TiledLight:
         else:
             shares = np.where(self.place < 0, self.as_drawn, given.ravel()[self.place])
         return shares @ self.closings[state - 1] if state else shares
+
+    def scaled(self, scale: Mapping[str, float]) -> TiledLight:
+        """Light with factors of what comes in by some materials: other transmittances."""
+        if not scale:
+            return self
+        factors = np.array([scale.get(name, 1.0) for name in self.names])
+        return replace(self, channels=tuple(light.scaled(factors) for light in self.channels))
 
     def coefficients(self, composition: np.ndarray, state: int = 0) -> xr.Dataset:
         """Coefficients of a composition [sr]; arguments as for `shares`."""

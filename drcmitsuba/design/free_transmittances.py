@@ -17,6 +17,9 @@ from drcmitsuba.model.materials import DiffuserMaterial, GlazingMaterial, check_
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import checked, shortened
 
+GLAZING = "glazing_transmittance"
+"""Key of the transmittance of clear panes."""
+
 
 def free_transmittances(case: Case, design: Design, clear: Sequence[str]) -> tuple[Factor, ...]:
     """Factors of the `clear` materials and of the shade whose transmittance `[design]` sets free.
@@ -31,7 +34,7 @@ def free_transmittances(case: Case, design: Design, clear: Sequence[str]) -> tup
     """
     shade = () if case.shading is None else (case.shading.material,)
     named = (
-        ("glazing_transmittance", clear, design.glazing_transmittance),
+        (GLAZING, clear, design.glazing_transmittance),
         ("shade_vlt", shade, design.shade_vlt),
     )
     factors = []

@@ -16,10 +16,10 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.design import Design
 from drcmitsuba.case.facade import Facade
 from drcmitsuba.case.sun import Adaptive, TrueSun
-from drcmitsuba.design import pictures
+from drcmitsuba.design import pictures, present_facade
 from drcmitsuba.design.facade_glare import EyesOfCase, LitOpenings, TraceEyes, eyes_of
 from drcmitsuba.design.facade_maps import Panes, Strips, Window
-from drcmitsuba.design.facade_tiles import TiledLight, groups_of
+from drcmitsuba.design.facade_tiles import FacadeParts, TiledLight, groups_of
 from drcmitsuba.design.facade_year import FacadeYear
 from drcmitsuba.design.free_transmittances import free_transmittances, with_transmittances
 from drcmitsuba.design.goal import Goal, Minimised
@@ -171,6 +171,39 @@ class Layout:
             openings = LitOpenings(tiled.case, tiled.panes, ALL_EFFECTS, eyes)
         return TiledLight.of(tiled, tiles, channels, groups, openings), daylight
 
+    def light_as_drawn(self, stage: Stage = silent) -> tuple[TiledLight, Daylight]:
+        """Light by tiles of one material each as the façade is, with all replicates.
+
+        Errors are those of `present_facade.heights` and `light`.
+        """
+        panes, edges = (self.clear, self.film), self.heights
+        edges = present_facade.heights(self.case, self.side, panes, edges, self.segments)
+        return self.light(edges, stage=stage)
+
+    def as_drawn(self, tiled: TiledLight) -> np.ndarray:
+        """Composition as the façade is, shape (tile, material)."""
+        return present_facade.composition(self.case, self.side, tiled.tiles, tiled.materials)
+
+    def parts(self, tiled: TiledLight) -> FacadeParts:
+        """Tiles in words and areas."""
+        assert self.case.room is not None
+        glass: dict[str, float] = {}
+        for side, facade in self.case.facade.items():
+            length = self.case.room.wall(side)[0]
+            for strip in facade.strips:
+                part = len(strip.segments or range(facade.segments)) / facade.segments
+                area = (strip.top - strip.bottom) * part * length
+                glass[strip.material] = glass.get(strip.material, 0.0) + area
+        count = len(tiled.tiles)
+        wall = self.length * self.case.room.size[2]
+        return FacadeParts(
+            wall, (tiled.materials,) * count, ("",) * count, np.ones(count, bool), glass
+        )
+
+    def composed(self, tiled: TiledLight, share: np.ndarray) -> Case:
+        """Case of a composition (tile, material), by whose rules it is judged."""
+        return realise(self.case, self.side, tiled.tiles, share, tiled.materials, self.film)
+
     @property
     def search(self) -> Search:
         """Settings of the search."""
@@ -191,8 +224,8 @@ class Layout:
         assert eyes is not None
         return eyes.of_case(self.built(optimum), stage)
 
-    def tables(self, optimum: FacadeOptimum) -> dict[str, pd.DataFrame]:
-        """Tables of an optimum by the names of their files; `optimum.json` has all of a box."""
+    def tables(self, share: np.ndarray) -> dict[str, pd.DataFrame]:
+        """Tables of a composition by the names of their files; of a box its shares tell all."""
         return {}
 
     def picture(self, optimum: FacadeOptimum, title: str) -> Figure:

@@ -26,7 +26,7 @@ from drcmitsuba.case.sun import Adaptive, TrueSun
 from drcmitsuba.design import pictures
 from drcmitsuba.design.facade_glare import EyesOfCase, LitOpenings, TraceEyes, eyes_of
 from drcmitsuba.design.facade_maps import Panes, Strips
-from drcmitsuba.design.facade_tiles import TiledLight
+from drcmitsuba.design.facade_tiles import FacadeParts, TiledLight
 from drcmitsuba.design.facade_year import FacadeYear
 from drcmitsuba.design.free_transmittances import free_transmittances, with_transmittances
 from drcmitsuba.design.goal import Goal, Minimised
@@ -135,6 +135,24 @@ class ModelLayout:
             tiled = replace(tiled, openings=lit)
         return tiled, daylight
 
+    def light_as_drawn(self, stage: Stage = silent) -> tuple[TiledLight, Daylight]:
+        """Light by tile and fill with all replicates, as `Layout.light_as_drawn`."""
+        return self.light(stage)
+
+    def as_drawn(self, tiled: TiledLight) -> np.ndarray:
+        """Composition as the model is drawn, shape (tile, material)."""
+        walls = len(tiled.tiles) - len(self.openings.panes)
+        column = np.repeat([0, 1], [walls, len(tiled.tiles) - walls])
+        return np.eye(len(tiled.materials))[column]
+
+    def parts(self, tiled: TiledLight) -> FacadeParts:
+        """Tiles in words and areas."""
+        return self.openings.parts()
+
+    def composed(self, tiled: TiledLight, share: np.ndarray) -> Case:
+        """Case with panes in all tiles, by whose rules compositions are judged."""
+        return self.openings.variants[1]
+
     def problem(self, year: FacadeYear) -> FacadeProblem:
         """Optimisation problem of a year."""
         window, area = Parameter.fixed("window", 1.0), None
@@ -219,27 +237,26 @@ class ModelLayout:
         """Case of an optimum with its transmittances, and with new windows in its walls."""
         walls, case = self.openings.walls, self.case
         if walls is not None:
-            case = walls.with_windows(walls.windows(self._panes(optimum)))
+            case = walls.with_windows(walls.windows(self._panes(optimum.best.share)))
         return with_transmittances(case, optimum.problem.factors, optimum.values)
 
-    def tables(self, optimum: FacadeOptimum) -> dict[str, pd.DataFrame]:
-        """Tables of an optimum by the names of their files: its new windows, for `[model]`."""
+    def tables(self, share: np.ndarray) -> dict[str, pd.DataFrame]:
+        """Tables of a composition by the names of their files: its new windows, for `[model]`."""
         if self.openings.walls is None:
             return {}
-        rows = rows_of(self.openings.walls.windows(self._panes(optimum)))
+        rows = rows_of(self.openings.walls.windows(self._panes(share)))
         return {WINDOWS: pd.DataFrame(rows, columns=COLUMNS)}
 
     def picture(self, optimum: FacadeOptimum, title: str) -> Figure:
         """Picture of an optimum: its windows in their walls, or the share of the film by panes."""
         year, share = optimum.problem.year, optimum.best.share
         if self.openings.walls is not None:
-            panes = self._panes(optimum)
+            panes = self._panes(share)
             return wall_picture(self.openings.walls, panes, self.openings.fills[1:], title)
         return pictures.facade(year.tiles, share, year.materials, self.film, title)
 
-    def _panes(self, optimum: FacadeOptimum) -> list[WallPane]:
-        """Panes of an optimum in its walls."""
-        assert self.openings.walls is not None
-        walls, materials = self.openings.walls, optimum.problem.year.materials
-        share = optimum.best.share[: len(walls.tiles)]
-        return panes_of(walls, share, materials, self.film)
+    def _panes(self, share: np.ndarray) -> list[WallPane]:
+        """Panes of a composition (tile, material) in its walls."""
+        walls, openings = self.openings.walls, self.openings
+        assert walls is not None
+        return panes_of(walls, share[: len(walls.tiles)], openings.fills, self.film)

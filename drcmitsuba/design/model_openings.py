@@ -22,6 +22,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.design import Design
 from drcmitsuba.design.facade_groups import FacadeGroups
 from drcmitsuba.design.facade_tiles import (
+    FacadeParts,
     Place,
     TiledLight,
     Tiles,
@@ -163,6 +164,21 @@ class SearchedOpenings:
         else:
             return
         raise InputError(case.source, field, got, remedy)
+
+    def parts(self) -> FacadeParts:
+        """Tiles of walls and panes in words and areas."""
+        layers, walls, glass = self.variants[1].building.layers, self.walls, dict[str, float]()
+        places = [] if walls is None else [walls.walls[tile.wall] for tile in walls.tiles]
+        named = [f"{wall.space} ({wall.facing})" for wall in places]
+        fills = [("wall", self.clear, self.film)] * len(named)
+        fills += [("wall", panes.name, self.film) for panes in self.panes]
+        for g, panes in enumerate(self.every):
+            if not self._is_tile(g):
+                area = float(areas(layers[panes.layer].quads[panes.quads]).sum())
+                glass[panes.name] = glass.get(panes.name, 0.0) + area
+        upright = np.arange(len(fills)) < len(named)
+        area = float(self.tiles.area.sum()) if walls is None else walls.area
+        return FacadeParts(area, tuple(fills), (*named, *map(str, self.panes)), upright, glass)
 
     def tiled(self, channels: tuple[LightByElement, ...], time: xr.DataArray) -> TiledLight:
         """Light as tiles of a façade have it."""

@@ -204,9 +204,9 @@ class FacadeProblem(RatedProblem):
     def illuminance(self, values: Values) -> tuple[mi.TensorXf, Illuminances]:
         """Composition (tile, material) and E (time, sensor) [lx] at values of the parameters."""
         share = self.facade.share(values)
-        return share, self.year.illuminance(share, scale=self._scale(values))
+        return share, self.year.illuminance(share, scale=self.scale(values))
 
-    def _scale(self, values: Values) -> dict[str, mi.Float]:
+    def scale(self, values: Values) -> dict[str, Any]:
         """Factors of the light that comes in by materials whose transmittance is free."""
         return {
             name: values[factor.parameter.key] / now
@@ -226,7 +226,7 @@ class FacadeProblem(RatedProblem):
         window, film = self.window_area(share), self._area(share, self.goal.film)
         glare, seen = None, self.year.eyes
         if seen is not None:
-            weights = self.year.weights(share, self._scale(values))
+            weights = self.year.weights(share, self.scale(values))
             glare = self.measure.glare_smooth(seen, weights, E, sharpness)
         aim, ase = self.measure.smooth(E, sharpness, glare)
         value = self._value(aim, film, window)
@@ -237,7 +237,7 @@ class FacadeProblem(RatedProblem):
         if glare is not None:
             outputs["glare_gradient"] = glare
         slopes = dict(zip(outputs, gradients(free, [*outputs.values()]), strict=True))
-        hard = self._hard(share, E, numbers[3], numbers[4], self._scale(values))
+        hard = self._hard(share, E, numbers[3], numbers[4], self.scale(values))
         shown = None if glare is None else float(glare[0])
         smooth = replace(FacadeScore(*numbers), glare=shown)
         return FacadeCandidate(np.array(x, float), sharpness, smooth, hard, share.numpy(), **slopes)

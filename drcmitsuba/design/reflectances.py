@@ -24,13 +24,10 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN
 from drcmitsuba.design.facade_groups import FacadeGroups
 from drcmitsuba.design.parameters import Parameter
-from drcmitsuba.design.surface_kinds import FRAMES, WALLS
+from drcmitsuba.design.surface_kinds import check_reflectances, reflectances, with_reflectances
 from drcmitsuba.design.traced_room import TracedRoom
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
-from drcmitsuba.runtime.toml import choose, shortened
-from drcmitsuba.scene import scene
-from drcmitsuba.scene.materials import channel_of
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import positions
 from drcmitsuba.sky.daylight import Daylight
@@ -41,61 +38,6 @@ BOUNDS = (0.0, 0.95)
 DARKEST = 0.5
 """Least reflectance ρ′ at which rays are traced: a black surface would send none. Points on cells
 are drawn by their importance at ρ′, and blocks of cells are means that it weighs."""
-MOST_KEYS = 8
-"""Largest number of kinds of surfaces."""
-_ROOM = ("floor", "ceiling", "walls")
-_TAKEN = {*_ROOM, *WALLS, *FRAMES}
-
-
-def reflectances(case: Case) -> dict[str, float]:
-    """Reflectances of a case by key: floor, ceiling, walls, and furniture by its name.
-
-    Raises
-    ------
-    InputError
-        The case is coloured, has more than `MOST_KEYS` kinds of surfaces, or gives one name to
-        surfaces of two reflectances.
-    """
-    if scene.is_coloured(case):
-        got = "a reflectance differs between channels"
-        raise InputError(case.source, "room", got, "make it grey")
-    room = case.room
-    rho = {} if room is None else {k: channel_of(getattr(room, k), 0) for k in _ROOM}
-    for piece in case.furniture:
-        value = channel_of(piece.reflectance, 0)
-        if piece.name in _TAKEN or rho.setdefault(piece.name, value) != value:
-            got = f"{shortened(piece.name)} names surfaces of two reflectances"
-            raise InputError(case.source, "furniture.name", got, "give each its own name")
-    if len(rho) > MOST_KEYS:
-        got = f"{len(rho)} kinds of surfaces"
-        remedy = f"at most {MOST_KEYS}: give pieces of one reflectance one name"
-        raise InputError(case.source, "furniture.name", got, remedy)
-    return rho
-
-
-def with_reflectances(case: Case, rho: Mapping[str, float]) -> Case:
-    """Case with other reflectances of some of its surfaces, checked as by `Interior`."""
-    _check(case.source, reflectances(case), rho)
-    values = {k: float(v) for k, v in rho.items()}
-    furniture = tuple(
-        piece.model_copy(update={"reflectance": values.get(piece.name, piece.reflectance)})
-        for piece in case.furniture
-    )
-    of_room = {k: v for k, v in values.items() if k in _ROOM}
-    room = None if case.room is None else case.room.model_copy(update=of_room)
-    return case.with_tables(furniture=furniture, room=room)
-
-
-def _check(source: str, known: Mapping[str, float], rho: Mapping[str, float | mi.Float]) -> None:
-    """Refuse unknown keys and values outside 0 … 1."""
-    for key, value in rho.items():
-        if key not in known:
-            got = f"no surface {shortened(key)}"
-            raise InputError(source, "reflectance", got, choose(key, list(known)))
-        number = np.ravel(dr.detach(value))
-        if number.size != 1 or not 0 <= number[0] <= 1:
-            got = f"{shortened(number.tolist())} for {shortened(key)}"
-            raise InputError(source, "reflectance", got, "give one number from 0 to 1")
 
 
 @dataclass(frozen=True)
@@ -105,7 +47,7 @@ class Interior:
     Parameters
     ----------
     start : dict of str to float
-        Reflectances of the case by key, see `reflectances`.
+        Reflectances of the case by kind of surface, see `reflectances`.
     traced : dict of str to float
         Reflectances at which rays were traced.
     months : np.ndarray of int, shape (time,)
@@ -152,9 +94,7 @@ class Interior:
         case.refuse_overruled("the search for reflectances")
         start = reflectances(case)
         if not start:
-            got = "there is no surface"
-            if case.model is not None:
-                got = "surfaces of a model are no parameters"
+            got = "there is no diffuse surface"
             raise InputError(case.source, "room", got, "add a [room]")
         traced = {key: max(value, DARKEST) for key, value in start.items()}
         at = with_reflectances(case, traced)
@@ -176,7 +116,7 @@ class Interior:
         return tuple(Parameter(k, low, max(high, v), v) for k, v in self.start.items())
 
     def _ratios(self, rho: Mapping[str, mi.Float | float]) -> list[mi.Float]:
-        _check(self.source, self.start, rho)
+        check_reflectances(self.source, self.start, rho)
         return [
             mi.Float(rho[key] if key in rho else dr.opaque(mi.Float, self.start[key])) / value
             for key, value in self.traced.items()
@@ -188,7 +128,7 @@ class Interior:
         Parameters
         ----------
         rho : dict of str to mi.Float
-            Reflectances by key; a missing key keeps the case's value.
+            Reflectances by kind of surface; a missing one keeps the case's value.
 
         Returns
         -------

@@ -141,10 +141,11 @@ class TracedRoom:
         a = case.accuracy
         world, marks = marked(case, state, rho)
         points, normals = prepared(case).receivers.at()
-        n = len(points)
+        n, rooms = len(points), prepared(case).rooms_of(points)
+        told = None if rooms is None else np.unique(rooms, return_inverse=True)[1] + 1
         gathered = Gathered.of(
             world, points, normals, a, block=n, lanes=a.replicates * a.paths * n, marks=marks,
-            once=True,
+            once=True, rooms=told,
         )  # fmt: skip
         if not gathered.cells.count:
             raise InputError(case.source, "sensors", "no surface in their sight", "add a [room]")

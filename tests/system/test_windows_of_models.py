@@ -26,9 +26,13 @@ from drcmitsuba.design.optimise import optimise
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
+from drcmitsuba.scene.prepared_case import prepared
+from drcmitsuba.scene.scene import load
 from drcmitsuba.scene.tiled_walls import WallPane
 from drcmitsuba.sky.daylight import daylight
+from drcmitsuba.transport.coefficients import compute
 from tests.differences import slopes
+from tests.system.every_room import MODELS, write_models
 from tests.unit.model import box_room as box
 
 CASE = """
@@ -137,6 +141,27 @@ def test_light_by_element_is_that_of_the_room_of_boxes(simulated, tmp_path):
                 error = np.sqrt((a.var() + b.var()) / (n - 1))
                 assert abs(a.mean() - b.mean()) < 4.5 * error
                 assert error < 0.03 * b.mean()  # or the line above would say little
+
+
+@pytest.mark.slow
+def test_light_on_outer_walls_enters_no_room_beside_them(tmp_path):
+    """Walls of two rooms, 1 m apart, are tiles: closed, they are the rooms as drawn."""
+    write_models(tmp_path)
+    file = tmp_path / "case.toml"
+    text = MODELS["Honeybee model"].replace("[period]", "[period]\nhours = [12, 13]")
+    text = text.replace("replicates = 2\npaths = 16", "replicates = 4\npaths = 64")
+    walls = '[design]\nfilm = "opal"\nclear = "glass"\nrows = 1\nwwr = [0.0, 0.6]\n'
+    file.write_text(text + walls)
+    layout = ModelLayout.of(drcmitsuba.load_case(file))
+    light, sky = layout.light()
+    ours = light.coefficients(layout.as_drawn(light))["interreflected"]
+    world, (points, normals) = load(layout.case), prepared(layout.case).receivers.at()
+    accuracy = layout.case.accuracy.model_copy(update={"seed": 99})
+    theirs = compute(world, points, normals, sky.suns, accuracy)["interreflected"]
+    of_sky = theirs["bin"].str.startswith("sky")
+    for room in np.split(np.arange(len(points)), 2):
+        mine, other = (C[room].sel(bin=of_sky).sum() for C in (ours, theirs))
+        assert float(mine) == pytest.approx(float(other), rel=0.15)
 
 
 def test_the_search_finds_what_it_finds_in_the_room_of_boxes(tmp_path):

@@ -231,13 +231,18 @@ class Cells:
 
     def blocks(self, edge: int) -> tuple[mi.UInt32, int]:
         """Block of every cell, `edge` cells along each edge, and the number of blocks."""
-        return self._in_cubes(edge, layers=False)
+        return self._in_cubes(edge, layers=False, rooms=None)
 
-    def flat_blocks(self, edge: int) -> tuple[mi.UInt32, int]:
-        """Blocks of one layer of cells: a table and the floor under it are in two blocks."""
-        return self._in_cubes(edge, layers=True)
+    def flat_blocks(self, edge: int, rooms: mi.UInt32 | None = None) -> tuple[mi.UInt32, int]:
+        """Blocks of one layer of cells: a table and the floor under it are in two blocks.
 
-    def _in_cubes(self, edge: int, *, layers: bool) -> tuple[mi.UInt32, int]:
+        No block lies in two `rooms`, shape (cell,), where these are known.
+        """
+        return self._in_cubes(edge, layers=True, rooms=rooms)
+
+    def _in_cubes(
+        self, edge: int, *, layers: bool, rooms: mi.UInt32 | None
+    ) -> tuple[mi.UInt32, int]:
         if self.count == 0:
             return mi.UInt32(), 0
         key = dr.compress(self.index != _UNKNOWN)
@@ -247,9 +252,11 @@ class Cells:
         places = (cube % nx, cube // nx % ny, cube // (nx * ny))
         i, j, k = (dr.select(axis == a, place, place // edge) for a, place in enumerate(places))
         coarse = (((k * ny) + j) * nx + i) * 6 + facing
-        kinds, number = np.unique(coarse.numpy(), return_inverse=True)
+        at, told = dr.gather(mi.UInt32, self.index, key), coarse.numpy().astype(np.uint64)
+        if rooms is not None:
+            told += dr.gather(mi.UInt32, rooms, at).numpy().astype(np.uint64) << np.uint64(32)
+        kinds, number = np.unique(told, return_inverse=True)
         block = dr.zeros(mi.UInt32, self.count)
-        at = dr.gather(mi.UInt32, self.index, key)
         dr.scatter(block, flat_indices(number), at)
         dr.eval(block)
         return block, len(kinds)

@@ -63,6 +63,20 @@ class CellPoints:
         """Draws of every replicate by itself."""
         return [self.of(range(r, r + 1)) for r in range(self.replicates)]
 
+    @property
+    def rooms(self) -> mi.UInt32 | None:
+        """Room of a model that some point of each cell lies in, 0 for none; None if untold."""
+        if self.within is None:
+            return None
+        out = dr.zeros(mi.UInt32, self.cells)
+        for r in range(self.replicates):
+            first = dr.opaque(mi.UInt32, r * self.cells)
+            out = dr.maximum(
+                out, dr.gather(mi.UInt32, self.within, first + dr.arange(mi.UInt32, self.cells))
+            )
+        dr.eval(out)
+        return out
+
     def extended(
         self, vertices: Vertices, cell: mi.UInt32, count: int, *, weighted: bool = False,
         own: mi.UInt32 | None = None,

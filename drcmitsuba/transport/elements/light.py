@@ -12,7 +12,7 @@ product of the shares of the fills that it met.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -73,6 +73,16 @@ class ElementLight:
         if not kept.all():
             own, sensor, C = own[kept], sensor[kept], C[:, kept]
         return np.searchsorted(bins, self.bins)[own] * self.straight.shape[2] + sensor, C
+
+    def times(self, factor: float) -> ElementLight:
+        """Light times a factor; arrays that are one stay one."""
+        lit = {id(a): a * np.float32(factor) for a in self._arrays}
+        straight, direct, total, blocks = (lit[id(a)] for a in self._arrays)
+        return ElementLight(self.bins, straight, direct, total, blocks)
+
+    @property
+    def _arrays(self) -> tuple[np.ndarray, ...]:
+        return self.straight, self.direct, self.total, self.blocks
 
     @property
     def gives_light(self) -> bool:
@@ -216,6 +226,12 @@ class LightByElement:
             for here, part in light.pieces(self.sky_bins, values):
                 out[:, here] += part if share == 1 else np.float32(share) * part
         return out
+
+    def scaled(self, factors: np.ndarray) -> LightByElement:
+        """Light with factors (element,) of what comes in by each; what it sends back stays."""
+        pairs = zip(self.elements, factors.tolist(), strict=True)
+        elements = tuple(each if f == 1 else each.times(f) for each, f in pairs)
+        return replace(self, elements=elements)
 
     def illuminance(self, L: csr_matrix, shares: np.ndarray) -> Iterator[np.ndarray]:
         """Yield the illuminance of a year by each replicate.

@@ -86,7 +86,8 @@ class MarkedPaths:
         """Block of every cell, and their number.
 
         Cells that no path without a mark meets have blocks of their own: they lie beyond openings,
-        as outer reveals do beside a sill, and their light must not enter by closed openings.
+        as outer reveals do beside a sill, and their light must not enter by closed openings. Where
+        walls are openings, such cells lie in rooms, too: the paths tell which.
         """
         block, count = self.cells.blocks(BLOCK)
         if count == 0:
@@ -94,7 +95,10 @@ class MarkedPaths:
         within = dr.zeros(mi.UInt32, self.cells.count)
         for _, met in self._met():
             dr.scatter(within, 1, met.cell, (met.mark == 0) & (met.weight > 0))
-        kinds, number = np.unique((2 * block + within).numpy(), return_inverse=True)
+        kind, rooms = (2 * block + within).numpy().astype(np.uint64), self.gathered.drawn.rooms
+        if rooms is not None:
+            kind += rooms.numpy().astype(np.uint64) << np.uint64(32)
+        kinds, number = np.unique(kind, return_inverse=True)
         return flat_indices(number), len(kinds)
 
     @property

@@ -72,16 +72,17 @@ class Blocks:
     """Share of every cell in the mean over its block."""
 
     @classmethod
-    def weighed(cls, cells: Cells, weight: mi.Float) -> Blocks:
+    def weighed(cls, cells: Cells, weight: mi.Float, rooms: mi.UInt32 | None = None) -> Blocks:
         """Join cells to blocks, each with its weight.
 
-        In a model cells are not joined as long as they are few: a block might lie in two rooms.
+        In a model cells are not joined as long as they are few: a block might lie in two rooms, but
+        for those `rooms`, shape (cell,), that are told apart.
         """
         edge, most = (EDGE, MOST_BLOCKS) if cells.grid.near is None else (1, MOST_IN_MODELS)
-        block, count = cells.flat_blocks(edge)
-        while count > most:
+        block, count = cells.flat_blocks(edge, rooms)
+        while count > most and edge < max(cells.grid.count):
             edge += 1
-            block, count = cells.flat_blocks(edge)
+            block, count = cells.flat_blocks(edge, rooms)
         whole = dr.zeros(mi.Float64, count)
         add_at(whole, mi.Float64(weight), block)
         share = mi.Float(mi.Float64(weight) / dr.gather(mi.Float64, whole, block))

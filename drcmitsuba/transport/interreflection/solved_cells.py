@@ -324,7 +324,8 @@ def solved(
     bounces = tuple(OneBounce(*(dr.concat(c) for c in zip(*p, strict=True))) for p in parts)
     # No rays give the mean of a block from the cells that come last.
     sends = dr.arange(mi.UInt32, cells.count) < dr.opaque(mi.UInt32, sent)
-    blocks = Blocks.weighed(cells, dr.maximum(dr.select(sends, mi.Float(total), 0), 1e-30))
+    weight = dr.maximum(dr.select(sends, mi.Float(total), 0), 1e-30)
+    blocks = Blocks.weighed(cells, weight, drawn.rooms)
     marks_of = () if marks is None else tuple(map(dr.concat, marked))
     steps = AMONG_FURNITURE if len(furniture(scene)) else STEPS
     steps = 0 if blocks.count == cells.count else steps

@@ -20,7 +20,7 @@ from drcmitsuba.design.facade_maps import Panes, Strips, Window
 from drcmitsuba.design.facade_tiles import Tiles as FacadeTiles
 from drcmitsuba.design.goal import Goal
 from drcmitsuba.design.optimise import Search
-from drcmitsuba.design.parameters import Parameter
+from drcmitsuba.design.parameters import Factor, Parameter
 from drcmitsuba.design.problem import FacadeProblem
 from drcmitsuba.design.realise import realise
 from drcmitsuba.design.requirement import Requirement
@@ -31,10 +31,8 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.standards import Refusal, read, verdict
 from drcmitsuba.standards.standard import Limit
 from drcmitsuba.transport.elements.state_illuminances import Illuminances
-from tests import ROOT
 from tests.fast import slowly
 from tests.synthetic_year import SyntheticYear, Tiles
-from tests.system.every_room import MODELS, write_models
 
 CASE = """
 name = "small room"
@@ -182,16 +180,6 @@ def test_a_standard_that_optimise_searches_for_stops_no_change_for_another(tmp_p
     (tmp_path / "case.toml").write_text(CASE.replace("rows = 1", searched))
     facades = Facades.of(load_case(tmp_path / "case.toml"))
     assert facades.problem.goal.requirement is None
-
-
-def test_a_model_is_refused_in_the_words_of_the_page_on_limits(tmp_path):
-    write_models(tmp_path)
-    (tmp_path / "case.toml").write_text(MODELS["Honeybee model"] + '[design]\nfilm = "opal"\n')
-    with pytest.raises(InputError) as caught:
-        Facades.of(load_case(tmp_path / "case.toml"))
-    said = "knows no panes or walls of a model"
-    assert str(caught.value).endswith(f"change of a façade {said}; let optimise search them")
-    assert said in (ROOT / "docs" / "limits.md").read_text()
 
 
 def test_a_refusal_stands_in_the_place_of_a_change(file, judged):
@@ -382,6 +370,37 @@ def test_a_level_that_nothing_reaches_leaves_the_nearest_façade(year, by_tiles)
     assert not optimum.is_feasible
     slack = [step.candidate.outcome.margin.slack for step in optimum.history]
     assert optimum.best.outcome.margin.slack == max(slack)
+
+
+def of_glass(by_tiles, **now):
+    """The façade of single tiles, whose glass and further panes have one free transmittance."""
+    factor = Factor(now, Parameter("glazing_transmittance", 0.3, 0.9, 0.5))
+    return replace(by_tiles, factors=(factor,))
+
+
+def test_glass_of_another_transmittance_is_changed_in_whole(year, by_tiles):
+    """A search by gradients lets it count by the part of its range."""
+    asked = required(year, "sDA", 60.0)
+    problem = ChangeProblem(of_glass(by_tiles, glass=0.6), asked, GLASS, {"glass": 30.0, "film": 9})
+    tile, start = year.tiles.area[0], problem.start
+    assert start.tolist() == pytest.approx([*6 * [0.0], 0.5], abs=1e-6)
+    assert problem.cost(start) == (0.0, pytest.approx(0.0, abs=1e-4))
+    clearer, both = start + 0, start + 0
+    clearer[-1] = both[-1] = 0.75
+    both[0] = 1.0
+    assert problem.cost(clearer) == pytest.approx((30.0, 30 * 0.25), rel=1e-4)
+    assert problem.cost(both) == pytest.approx((30.0, tile + 30 * 0.25), rel=1e-4)
+    candidate = problem.evaluate(both, 8.0)
+    assert problem.replaced(candidate)["glazing_transmittance"] == pytest.approx(30 - tile)
+    assert candidate.slopes.changed[-1] == pytest.approx(30.0, rel=1e-3)
+    assert candidate.slopes.changed[0] == pytest.approx(tile, rel=1e-3)
+
+
+def test_panes_of_two_transmittances_have_no_one_of_now(year, by_tiles):
+    facade, asked = of_glass(by_tiles, glass=0.6, film=0.4), required(year, "sDA", 60.0)
+    with pytest.raises(InputError, match=r"panes have glass 0\.6, film 0\.4; name panes of one"):
+        ChangeProblem(facade, asked, GLASS, {"glass": 3.0, "film": 1.0})
+    assert ChangeProblem(facade, asked, GLASS, {"glass": 3.0}).start[-1] == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize(

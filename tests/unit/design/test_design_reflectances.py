@@ -9,7 +9,7 @@ import pytest
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.design.reflectances import BOUNDS, Interior, reflectances, with_reflectances
-from drcmitsuba.design.surface_kinds import Kinds
+from drcmitsuba.design.surface_kinds import Kinds, MarkedMesh
 from drcmitsuba.metrics import accumulate
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
@@ -302,9 +302,11 @@ def test_rays_are_marked_with_the_surface_that_they_end_on():
     scene = mi.load_dict({"type": "scene"} | {f"square{i}": s for i, s in enumerate(shapes)})
     x = mi.Float(0.3, 2.3, 4.3)
     si = scene.ray_intersect(mi.Ray3f(mi.Point3f(x, 0.3, 1), mi.Vector3f(0, 0, -1)))
-    kinds = Kinds([None, shapes[2], shapes[0]])  # the second one is of no kind
+    kinds = Kinds([MarkedMesh(shapes[2], 2, 4), MarkedMesh(shapes[0], 3, 3)])  # one is of no kind
     _, mark, factor, is_cell, _ = kinds.meet(si, dr.zeros(mi.UInt32, 3), mi.Float(0.5))
     assert mark.numpy().tolist() == [3, 0, 2]
+    up = scene.ray_intersect(mi.Ray3f(mi.Point3f(x, 0.3, -1), mi.Vector3f(0, 0, 1)))
+    assert kinds.meet(up, dr.zeros(mi.UInt32, 3), mi.Float(0.5))[1].numpy().tolist() == [3, 0, 4]
     assert dr.all(factor == 1)
     assert dr.all(is_cell)
 
@@ -342,7 +344,7 @@ def test_gradients_cost_no_more_than_two_evaluations_beside_and_all_as_much_as_o
         ({"furniture": [{"name": "walls", "corner": (1, 1, 0), "size": (1, 1, 0.5)}]}, {},
          "furniture.name", "two reflectances"),
         ({"furniture": [{"name": f"{i}", "corner": (1, 1, 0), "size": (1, 1, 0.5)}
-                        for i in range(6)]}, {}, "furniture.name", "at most 8"),
+                        for i in range(98)]}, {}, "furniture.name", "at most 100"),
     ],
 )  # fmt: skip
 def test_indistinct_surfaces_are_refused(change, rho, field, got):

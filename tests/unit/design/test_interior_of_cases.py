@@ -5,14 +5,11 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from drcmitsuba import evaluate, load_case
+from drcmitsuba import evaluate
 from drcmitsuba.design.reflectances import Interior, with_reflectances
 from drcmitsuba.runtime import backend
-from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import daylight
-from tests import ROOT
 from tests.differences import slopes
-from tests.system.every_room import MODELS, write_models
 from tests.unit.design.test_design_reflectances import ELSEWHERE, at, case_of, fresh
 
 SILVER = {"type": "mirror", "reflectance": 0.95}
@@ -123,12 +120,3 @@ def test_gradients_through_the_groups_are_the_differences(tmp_path):
     (theirs,) = slopes(lambda at: mean(mi.Float(at))[0], [0.5], 0.04)
     assert walls.grad[0] == pytest.approx(theirs, rel=1e-3)
     assert theirs > 1
-
-
-def test_a_model_without_furniture_is_refused_in_the_words_of_the_page_on_limits(tmp_path):
-    write_models(tmp_path)
-    (tmp_path / "case.toml").write_text(MODELS["Honeybee model"])
-    case = load_case(tmp_path / "case.toml")
-    with pytest.raises(InputError, match="surfaces of a model are no parameters"):
-        Interior.of(case, None)
-    assert "surfaces of a model are no parameters" in (ROOT / "docs" / "limits.md").read_text()

@@ -18,9 +18,11 @@ from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import coefficients, replicate
+from drcmitsuba.transport.cells.cells import CellGrid, Cells
 from drcmitsuba.transport.cells.points import CellPoints
 from drcmitsuba.transport.cells.vertices import Vertices
-from drcmitsuba.transport.gather.blocks import Gathered
+from drcmitsuba.transport.gather.blocks import Gathered, Met
+from drcmitsuba.transport.gather.marked_paths import MarkedPaths
 from drcmitsuba.transport.interreflection import cell_rays
 from drcmitsuba.transport.interreflection.solved_cells import solved
 
@@ -201,3 +203,23 @@ def test_a_black_room_has_no_cells():
     )
     assert (C["interreflected"] == 0).all()
     assert (C["direct"] > 0).any()
+
+
+def test_no_block_lies_in_two_rooms():
+    """Cells in a row that face one way; paths with a mark alone meet them, as tiles of walls."""
+    count = dr.arange(mi.UInt32, 6)
+    index = dr.full(mi.UInt32, 0xFFFFFFFF, 6 * 6)
+    dr.scatter(index, count, 6 * count + 4)
+    cells = Cells(CellGrid((0.0, 0.0, 0.0), (6, 1, 1), 1.0), index, 6)
+    rooms = mi.UInt32([1, 1, 2, 2, 0, 0] * 2)
+    places = dr.zeros(mi.Float, 3 * 12)
+    drawn = CellPoints(2, 6, mi.UInt32(1), places, places, rooms)
+    met = Met(dr.zeros(mi.UInt32, 6), count, dr.ones(mi.Float, 6), dr.ones(mi.UInt32, 6))
+    gathered = Gathered(None, (slice(0, 1),), cells, drawn, {0: met})
+    blocks = [
+        cells.flat_blocks(3, drawn.rooms)[0].numpy(), MarkedPaths(gathered, 1)._blocks[0].numpy(),
+    ]  # fmt: skip
+    for block in blocks:
+        told = np.array([1, 1, 2, 2, 0, 0])
+        assert all(len(set(told[block == b])) == 1 for b in np.unique(block))
+    assert len(np.unique(cells.flat_blocks(3)[0].numpy())) < len(np.unique(blocks[0]))
