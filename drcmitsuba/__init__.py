@@ -2,10 +2,9 @@
 
 load_case, evaluate, evaluate_within, render
     From a case file to a `Result` with metrics, illuminance and coefficients; to pictures [cd/m²].
-metrics
-    sDA, ASE, msDA, MSE and the rule of the shade, on any DataArray (time, sensor).
-controls, standards
-    States of groups of panes, electric light; verdicts on standards with their probability.
+metrics, controls, standards
+    sDA, ASE, msDA, MSE and the rule of the shade, on any DataArray (time, sensor); states of groups
+    of panes, electric light; verdicts on standards with their probability.
 sky, weather, period, coefficients, accumulate
     Luminances L of the sky and the suns; C = D + G·D; E = C·L.
 elements, controlled, lights

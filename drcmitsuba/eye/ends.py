@@ -71,7 +71,10 @@ class Ends(NamedTuple):
     @property
     def front(self) -> mi.Point3f:
         """Places off their surface, on the side of the eye [m]."""
-        return off(self.p, self.n, -self.d)
+        if dr.width(self.p) == 0:
+            return self.p
+        far = mi.math.RayEpsilon * (1 + dr.max(dr.abs(self.p)))
+        return mi.Point3f(self.p + dr.mulsign(far, -dr.dot(self.n, self.d)) * self.n)
 
     def rows(self) -> EndRows:
         """Return the same in memory, by ray."""
@@ -146,14 +149,6 @@ class EndRows(NamedTuple):
         """Ends of several kinds, by ray."""
         joined = cls(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
         return joined.take(np.argsort(joined.ray, kind="stable"))
-
-
-def off(p: mi.Point3f, n: mi.Normal3f, d: mi.Vector3f) -> mi.Point3f:
-    """Places off surfaces, on the side to which directions d point [m]."""
-    if dr.width(p) == 0:
-        return p
-    far = mi.math.RayEpsilon * (1 + dr.max(dr.abs(p)))
-    return mi.Point3f(p + dr.mulsign(far, dr.dot(n, d)) * n)
 
 
 def taken(columns: T, some: mi.UInt32) -> T:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntFlag
-from typing import Any
+from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -79,6 +79,30 @@ def _mirroring(material: MirrorMaterial) -> MirrorMaterial:
     return material.model_copy(update={"specular": 1.0, "reflectance": rho})
 
 
+class MetSurface(NamedTuple):
+    """Surfaces that rays meet next."""
+
+    si: mi.SurfaceInteraction3f
+    hit: mi.Bool
+    """Whether there is one."""
+    part: mi.UInt32
+    kinds: mi.UInt32
+    """Bits of `SurfaceKind`."""
+    back: mi.Bool
+    """Whether the ray comes from behind."""
+    bs: mi.BSDFSample3f
+    """Direction in which it turns the ray."""
+    straight: mi.Float
+    turned: mi.Float
+    matt: mi.Float
+    """Shares of the light that pass straight on, that come by the turn, and that it reflects
+    diffusely towards the ray [–]."""
+
+    def has(self, kind: SurfaceKind) -> mi.Bool:
+        """Whether there is a surface of a kind."""
+        return self.hit & ((self.kinds & int(kind)) > 0)
+
+
 @dataclass(frozen=True, eq=False)
 class EyeOptics:
     """Optics of the parts of a scene."""
@@ -138,3 +162,26 @@ class EyeOptics:
         polished = (dr.gather(mi.UInt32, self.kinds, part, active) & int(SurfaceKind.POLISHED)) > 0
         more = dr.exp(-STEEPNESS * cosine) - AT_NORMAL  # F(θ) of the plugin `polished`
         return dr.select(polished, matt * (1 - more), matt)
+
+    def met(
+        self, si: mi.SurfaceInteraction3f, d: mi.Vector3f, lobe: mi.Float, uv: mi.Point2f
+    ) -> MetSurface:
+        """Surfaces where rays along d meet them, turned by uniform random numbers.
+
+        `si` has the direction back along the ray; it is not valid where a ray meets nothing.
+        """
+        hit, bsdf = si.is_valid(), si.bsdf()
+        part = dr.gather(mi.UInt32, self.part, number(bsdf), hit)
+        kinds = dr.gather(mi.UInt32, self.kinds, part, hit)
+        back = hit & (dr.dot(si.n, d) > 0)
+        clear = hit & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Null)
+        straight = dr.select(clear, bsdf.eval_null_transmission(si, clear)[0], 0)
+        turns, ctx = hit & ((kinds & int(SurfaceKind.TURNS)) > 0), mi.BSDFContext()
+        ctx.type_mask = int(mi.BSDFFlags.All) & ~int(mi.BSDFFlags.Null)
+        which = dr.gather(mi.UInt32, self.numbers, part, turns)
+        bs, value = dr.reinterpret_array(mi.BSDFPtr, which).sample(ctx, si, lobe, uv, turns)
+        turned = value[0] * dr.gather(mi.Float, self.mirrored, part, turns)
+        matt = self.diffuse(part, back, dr.abs(si.wi.z), -1, hit)
+        return MetSurface(
+            si, hit, part, kinds, back, bs, straight, dr.select(turns, turned, 0), matt
+        )
