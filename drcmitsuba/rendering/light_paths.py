@@ -312,7 +312,7 @@ class _Tracer:
         }
         drawn = Vertices(weight=_at(shown, some) * share, **columns, **points)
         dr.eval(drawn.weight)
-        self.drawn = self.drawn.extended(drawn, _at(cell, some), count, weighted=self.once)
+        self.drawn = self.drawn.extended(drawn, _at(cell, some), count)
         return mi.UInt32() if self.once else met.row, cell, mi.Float16(met.weight)
 
     def gathered(self) -> Gathered:

@@ -80,6 +80,9 @@ pareto = 0
 ROOM = "[room]\nsize = [4.0, 6.0, 3.0]\nfloor = 0.2\nwalls = 0.5\nceiling = 0.8\n"
 FILLS = ("glass", "opal")
 FINER = {"replicates": 8, "paths": 16}
+SCATTER = 0.0115
+"""Relative scatter of the difference of both means from seed to seed: by eight seeds of elements
+0.9 %, of an evaluation 0.7 %."""
 SENSOR = 100 / 24
 """Share of one sensor [%]."""
 WEST = """window,material,x1,y1,z1,x2,y2,z2,x3,y3,z3,x4,y4,z4
@@ -306,7 +309,7 @@ def agrees(problem, x, result):
     for ours, name in ((E.open.numpy(), "total_open"), (applied, "total")):
         total, error = theirs[name].values, theirs[f"{name}_se"].values
         assert (abs(ours - total) > 6 * (error + 0.01 * total + 1e-3)).mean() < 0.01, name
-        assert ours.mean() == pytest.approx(total.mean(), rel=0.01), name
+        assert ours.mean() == pytest.approx(total.mean(), rel=3 * SCATTER), name
 
 
 def test_transmittances_are_those_of_windows_that_are_drawn(simulated):

@@ -78,15 +78,15 @@ class CellPoints:
         return out
 
     def extended(
-        self, vertices: Vertices, cell: mi.UInt32, count: int, *, weighted: bool = False,
-        own: mi.UInt32 | None = None,
+        self, vertices: Vertices, cell: mi.UInt32, count: int, own: mi.UInt32 | None = None,
     ) -> CellPoints:  # fmt: skip
         """Draw one vertex at random from each of `count` cells, among these and earlier vertices.
 
-        `cell` holds the cell of every vertex. A `weighted` draw takes vertices in proportion to
-        their weights. `own` is the replicate of every vertex: each replicate then draws from its
-        own, and takes the point of the next one that has one for a cell in which it has none.
-        Without it, all draw from all vertices.
+        `cell` holds the cell of every vertex. Vertices are drawn in proportion to their weights: a
+        cell may lie on both sides of a pane, and what is seen through it counts less. `own` is the
+        replicate of every vertex: each replicate then draws from its own, and takes the point of
+        the next one that has one for a cell in which it has none. Without it, all draw from all
+        vertices.
         """
         if count == 0:  # no path met a surface
             return self
@@ -96,7 +96,7 @@ class CellPoints:
         number, stride = (dr.opaque(mi.UInt32, n) for n in (self.replicates, count))
         begin = mi.UInt32(0) if own is None else own
         end = number if own is None else own + 1
-        kernels = _Kernels(vertices, cell, every, tag, begin, end, stride, weighted)
+        kernels = _Kernels(vertices, cell, every, tag, begin, end, stride)
         kernels.rank()
         dr.eval(every.rank)
         kernels.break_ties()
@@ -144,7 +144,6 @@ class _Kernels:
     """First draw of every vertex, and the one after its last."""
     stride: mi.UInt32
     """Number of cells."""
-    weighted: bool
 
     @property
     def _met(self) -> mi.Bool:
@@ -159,8 +158,6 @@ class _Kernels:
         """Rank of every vertex; the largest in a cell wins, whatever the order of threads."""
         salt = draw * mi.UInt32(0x85EBCA6B)
         rank = (self.vertices.tag ^ salt) * _SCRAMBLE
-        if not self.weighted:
-            return rank
         # w / −ln(1 − v) is the largest with probability w / Σw; positive floats sort as integers.
         # The last steps of MurmurHash3 make the v of neighbouring tags independent.
         rank = (rank ^ (rank >> 16)) * mi.UInt32(0x85EBCA6B)

@@ -119,7 +119,7 @@ class Gathered:
             if once:
                 seen = with_weights(seen, cells.count, cell, vertices.weight)
             own = vertices.row // dr.opaque(mi.UInt32, here.stop - here.start) if once else None
-            drawn = drawn.extended(vertices, cell, cells.count, weighted=once, own=own)
+            drawn = drawn.extended(vertices, cell, cells.count, own=own)
             if len(vertices) <= room:
                 dr.eval(cell)
                 kept[here.start] = Met(vertices.row, cell, vertices.weight, vertices.mark)

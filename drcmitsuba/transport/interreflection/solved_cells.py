@@ -310,7 +310,7 @@ def solved(
             cells = cells.extended(rays.met)
             met = rays.weighed(importance, replicates)
             cell = cells.of(met)
-            drawn = drawn.extended(met, cell, cells.count, weighted=True, own=rays.replicate)
+            drawn = drawn.extended(met, cell, cells.count, own=rays.replicate)
             total = with_weights(total, cells.count, cell, met.weight)
             each = dr.width(cell) // replicates  # the rays of a replicate stand together
             for r, part in enumerate(parts):
@@ -359,7 +359,7 @@ def _explored(scene: Scene, gathered: Gathered, accuracy: Accuracy) -> _Explored
         met = paths.weighed(seen, accuracy.replicates)
         cells = cells.extended(met)
         cell = cells.of(met)
-        points = points.extended(met, cell, cells.count, weighted=True, own=paths.replicate)
+        points = points.extended(met, cell, cells.count, own=paths.replicate)
         total = with_weights(total, cells.count, cell, met.weight)
     of_sensors = with_weights(gathered.seen, cells.count, mi.UInt32(), mi.Float())
     most = float(dr.max(total)[0])

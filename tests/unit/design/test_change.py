@@ -253,7 +253,8 @@ def test_façades_of_groups_are_evaluations_of_their_own(tmp_path, kind):
     taken, states = (each["facade_state"].values[:, :2] for each in (E, other))
     assert len(np.unique(taken, axis=0)) == 4
     assert (taken == states).all(axis=1).mean() > 0.98
-    assert float(E["total"].mean()) == pytest.approx(float(other["total"].mean()), rel=0.01)
+    # Both means scatter by 0.8 % from seed to seed; those of eight seeds differ by 0.3 ± 0.4 %.
+    assert float(E["total"].mean()) == pytest.approx(float(other["total"].mean()), rel=0.036)
     same = (taken == states).all(axis=1)
     error = np.hypot(E["total_se"], other["total_se"]) + 0.01 * other["total"]
     assert (abs(E["total"] - other["total"]) > 6 * error).values[same].mean() < 0.01

@@ -145,7 +145,7 @@ def test_weighted_draws_follow_the_weights():
     zero = dr.zeros(mi.UInt32, 4 * n)
     p = mi.Float(np.repeat(np.tile(np.arange(4.0), n), 3))
     vertices = Vertices(zero, weight, cell, dr.arange(mi.UInt32, 4 * n), p, p)
-    first, second = CellPoints.none(2).extended(vertices, cell, n, weighted=True).apart()
+    first, second = CellPoints.none(2).extended(vertices, cell, n).apart()
     for one in (first, second):
         counts = np.bincount(one.p.numpy()[::3].astype(int), minlength=4)
         expected = n * weights / weights.sum()
@@ -162,13 +162,13 @@ def test_each_replicate_draws_from_its_own_vertices():
     vertices = Vertices(number, mi.Float([1, 1, 0, 1, 1, 1]), number, number, at, at)
     column = mi.UInt32(cell.astype(np.uint32)), 3
     of = mi.UInt32(own.astype(np.uint32))
-    drawn = CellPoints.none(3).extended(vertices, *column, weighted=True, own=of)
+    drawn = CellPoints.none(3).extended(vertices, *column, own=of)
     points = drawn.p.numpy()[::3].reshape(3, -1)
     np.testing.assert_array_equal(points, [[0, 1, 5], [4, 3, 5], [4, 1, 5]])
     # A vertex of its own takes the place of a lent one, whatever their weights.
     more = Vertices(number, mi.Float([0, 0, 1e-3, 0, 0, 0]), number, number, at, at)
     of = mi.UInt32([0, 0, 2, 0, 0, 0])
-    again = drawn.extended(more, *column, weighted=True, own=of)
+    again = drawn.extended(more, *column, own=of)
     points = again.p.numpy()[::3].reshape(3, -1)
     np.testing.assert_array_equal(points, [[0, 1, 5], [4, 3, 5], [4, 2, 5]])
 
@@ -188,9 +188,9 @@ def test_draws_are_extended_as_if_made_at_once():
         return replace(whole, **column, weight=weights, **dict.fromkeys(
             ("p", "n"), dr.gather(mi.Float, whole.p, three)))  # fmt: skip
 
-    at_once = CellPoints.none(3).extended(whole, whole.key, 64, weighted=True)
-    halves = CellPoints.none(3).extended(part(0), part(0).key, 64, weighted=True)
-    halves = halves.extended(part(n), part(n).key, 64, weighted=True)
+    at_once = CellPoints.none(3).extended(whole, whole.key, 64)
+    halves = CellPoints.none(3).extended(part(0), part(0).key, 64)
+    halves = halves.extended(part(n), part(n).key, 64)
     np.testing.assert_array_equal(at_once.p.numpy(), halves.p.numpy())
 
 
