@@ -1,11 +1,9 @@
 """Rendering: pictures of the views of a case, in cd/m², at any hour from one set of light paths.
 
-view_rays, eye_paths
-    Rays of the pixels; their ways by mirrors and panes to the first diffuse surface.
+view_rays
+    Rays of the pixels, which `eye` follows to the first diffuse surface.
 sky_rays, glow, caustics
     Light of the sky, of scattering panes and of components on these surfaces.
-mirrored_sun
-    The sun's disk in mirrors, each light path once.
 surface_light
     Light on all surfaces of the scene, of which the rays gather.
 light_paths

@@ -9,10 +9,11 @@ Method: a small furnished room, once with one window and once with the prism fil
 runs with independent seeds, and against the unbiased plugin `coefficient`, whose own variance is
 subtracted. It is the RMS over the sensors and bins of the sky, or of five suns, over their mean.
 
-*Cells.* Each replicate stands a cell's D on one point, drawn from the vertices that fell into it.
-So given all vertices v with their weights w, the expected value of G·D is Σ w D̄(cell of v), where
-the unbiased estimate is Σ w D(v): their difference on the same paths is the bias, almost without
-noise, for every cell size. D̄ is from other vertices than w, so that they share no errors. That
+*Cells.* Each replicate stands a cell's D on one point, drawn from the vertices that fell into it by
+their weights. So given all vertices v with their weights w, the expected value of G·D is
+Σ w D̄(cell of v) with the weighted mean D̄, where the unbiased estimate is Σ w D(v): their
+difference on the same paths is the bias, almost without noise, for every cell size. D̄ is from other
+vertices than w, so that they share no errors. That
 this is the bias of `compute`, too, is tested against the plugin with cells of 1.2 m. The order is
 that of regular cells, by four grids a quarter of a cell apart, so that it does not hang on how
 edges of light and cells happen to lie. The cells of `compute` end at furniture, however large they
@@ -259,11 +260,13 @@ def deposit(case: Case, accuracy: Accuracy) -> Callable[[Vertices, int], np.ndar
     return at
 
 
-def mean_of_cells(keys: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Keys of cells, each once, and the mean (cell, sun) of the values in them."""
-    each, cell, count = np.unique(keys, return_inverse=True, return_counts=True)
-    sums = [np.bincount(cell.ravel(), column) for column in values.T]
-    return each, np.stack(sums, axis=1) / count[:, None]
+def mean_of_cells(
+    keys: np.ndarray, values: np.ndarray, weight: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Keys of cells, each once, and the weighted mean (cell, sun) of the values in them."""
+    each, cell = np.unique(keys, return_inverse=True)
+    sums = [np.bincount(cell.ravel(), weight * column) for column in values.T]
+    return each, np.stack(sums, axis=1) / np.bincount(cell.ravel(), weight)[:, None]
 
 
 def bias_of_cells(case: Case, sizes: list[float], paths: int, rounds: int) -> np.ndarray:
@@ -299,7 +302,7 @@ def bias_of_cells(case: Case, sizes: list[float], paths: int, rounds: int) -> np
                 grid.key(dr.unravel(mi.Point3f, v.p), dr.unravel(mi.Normal3f, v.n)).numpy()
                 for v in (vertices, before)
             )
-            cells, mean = mean_of_cells(there, d_before)
+            cells, mean = mean_of_cells(there, d_before, before.weight.numpy().astype(float))
             at = np.minimum(np.searchsorted(cells, here), len(cells) - 1)
             met = cells[at] == here  # a few cells in corners are met in one round only
             out[i, k, r] = per_sensor(np.where(met[:, None], mean[at] - d, 0))
