@@ -68,20 +68,21 @@ def changed(kind, folder):
 
 
 def afresh(kind, folder, facades, change):
-    """Function that gives the sDA [%] of a case with so many times the change, by other paths."""
+    """Function that gives the sDA [%] of a case with so many times the change, by other paths.
+
+    A part of a pane or of a tile of wall is spread over it: drawn as one strip, it brings other
+    light.
+    """
     whole = np.transpose([*change.composition.values()])
-    other = Facades.of(written(folder, DESIGN[kind], seed=99)) if kind == "panes" else None
+    other = None if kind == "glass" else Facades.of(written(folder, DESIGN[kind], seed=99))
 
     def sda(times):
-        share, glass, windows = facades.present + times * (whole - facades.present), NOW, None
-        if other is not None:  # a film in part of a pane cannot be drawn
+        share = facades.present + times * (whole - facades.present)
+        if other is not None:
             return verdict(STANDARD, other.evidence(share)).quantities["sDA"]
-        if kind == "glass":
-            before, after = change.parameters["glazing_transmittance"]
-            glass = before + times * (after - before)
-        else:
-            (windows,) = facades.layout.tables(share).values()
-        result = drcmitsuba.evaluate(written(folder, glass=glass, windows=windows, seed=99))
+        before, after = change.parameters["glazing_transmittance"]
+        glass = before + times * (after - before)
+        result = drcmitsuba.evaluate(written(folder, glass=glass, seed=99))
         return verdict(STANDARD, Evidence.of_result(result)).quantities["sDA"]
 
     return sda
