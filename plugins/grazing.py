@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +14,9 @@ AT_NORMAL = math.exp(-STEEPNESS)
 """Its second term [–]: F vanishes at normal incidence."""
 
 
-def more_at_grazing(cosine: np.ndarray) -> np.ndarray:
-    """F(θ) [–], by which the plugin `polished` mirrors more, by the cosine of the incidence."""
-    return np.asarray(np.exp(-STEEPNESS * cosine) - AT_NORMAL)
+def more_at_grazing(cosine: Any, exp: Callable[[Any], Any] = np.exp) -> Any:
+    """F(θ) [–], by which the plugin `polished` mirrors more, by the cosine of the incidence.
+
+    `exp` is the exponential function of the library whose array the cosines are.
+    """
+    return exp(-STEEPNESS * cosine) - AT_NORMAL

@@ -5,7 +5,7 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 from drcmitsuba_plugins.checks import checked, required
-from drcmitsuba_plugins.grazing import AT_NORMAL, STEEPNESS
+from drcmitsuba_plugins.grazing import more_at_grazing
 from drcmitsuba_plugins.sampling import valid_directions
 
 
@@ -48,7 +48,7 @@ class Polished(mi.BSDF):
 
     def _shares(self, ctx, cos_theta):
         """Mirrored share at an incidence, and the diffuse one at an eye there."""
-        f = more_at_grazing(cos_theta)
+        f = more_at_grazing(cos_theta, dr.exp)
         mirrored, matt = self.mirrored + (1 - self.mirrored) * f, self.matt * (1 - f)
         none = mi.Float(0)
         return (
@@ -106,11 +106,6 @@ class Polished(mi.BSDF):
 
     def to_string(self):
         return "Polished[]"
-
-
-def more_at_grazing(cos_theta):
-    """F(θ), the share of the light that Fresnel's formulas add at an incidence [–]."""
-    return dr.exp(-STEEPNESS * cos_theta) - AT_NORMAL
 
 
 mi.register_bsdf("polished", Polished)

@@ -91,11 +91,8 @@ def _in_memory(column: Any) -> np.ndarray:
     values = np.asarray(column.numpy())
     if values.dtype == np.uint32:
         values = values.view(np.int32)  # `OUTSIDE` is −1
-    return (
-        values
-        if values.dtype == bool
-        else values.astype(float if values.dtype.kind == "f" else int)
-    )
+    kinds = {"b": bool, "f": float, "i": int}
+    return values.astype(kinds[values.dtype.kind])
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from drcmitsuba_plugins.grazing import AT_NORMAL, STEEPNESS
+from drcmitsuba_plugins.grazing import more_at_grazing
 
 from drcmitsuba.model.materials import (
     BsdfMaterial,
@@ -160,8 +160,7 @@ class EyeOptics:
         side = first + 2 * part + dr.select(back, mi.UInt32(1), 0)
         matt = dr.gather(mi.Float, self.matt, side, active)
         polished = (dr.gather(mi.UInt32, self.kinds, part, active) & int(SurfaceKind.POLISHED)) > 0
-        more = dr.exp(-STEEPNESS * cosine) - AT_NORMAL  # F(θ) of the plugin `polished`
-        return dr.select(polished, matt * (1 - more), matt)
+        return dr.select(polished, matt * (1 - more_at_grazing(cosine, dr.exp)), matt)
 
     def met(
         self, si: mi.SurfaceInteraction3f, d: mi.Vector3f, lobe: mi.Float, uv: mi.Point2f

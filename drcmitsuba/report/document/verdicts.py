@@ -102,12 +102,11 @@ def _short(verdict: Verdict | Refusal) -> Cell:
 
 def _level(verdict: Verdict, shown: Outcome) -> str:
     """Level in words, with the probability of it, or of the lowest one where none is reached."""
-    t, told = labels(), _likelihood(verdict.probability)
-    is_known = likelihood(verdict.probability) in ("certain", "ruled out", "unknown")
-    likely = told if is_known else t["probability_of"].format(probability=told)
-    words = t["reached"] if shown.reached else t["not_reached"]
-    told = words.format(level=text(shown.name), probability=likely)
-    return (YES if shown.reached else NO) + told
+    t, likely = labels(), _likelihood(verdict.probability)
+    if likely.endswith("%"):
+        likely = t["probability_of"].format(probability=likely)
+    mark, words = (YES, t["reached"]) if shown.reached else (NO, t["not_reached"])
+    return mark + words.format(level=text(shown.name), probability=likely)
 
 
 def _stated(verdict: Verdict | Refusal) -> str:
