@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from drcmitsuba.runtime import storage
 from drcmitsuba.standards import Verdict
-from drcmitsuba.standards.verdict import likelihood
+from drcmitsuba.standards.verdict import Outcome, likelihood
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -62,8 +62,11 @@ class Change:
     changed: Verdict
     """The façade with the least change that reaches the level; the one that comes nearest to it if
     none does."""
+    drawn: Verdict | None
+    """The changed façade drawn as a case, judged by the light of other paths; None where it does
+    not reach the level by those of the search, or the search was stopped."""
     reaches: bool
-    """Whether the changed façade reaches the level."""
+    """Whether the changed façade reaches the level by the light paths of the search."""
     tried: int
     """Number of façades that the search judged."""
     finished: bool
@@ -78,18 +81,25 @@ class Change:
     """Free parameters of one value each, now and then."""
     composition: Mapping[str, list[float]]
     """Share of every tile by material."""
+    asked: Mapping[str, float] = field(default_factory=dict)
+    """Limits that the search asked for, where they are higher than the standard's so that the
+    façade as drawn holds its own [% or h]."""
     tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)
     """Tables of the changed façade by the names of their files: new windows of a model."""
 
     @property
     def probability(self) -> float | None:
         """Probability that the changed façade reaches the level."""
-        return next(o.probability for o in self.changed.levels if o.name == self.level)
+        return self._level(self.changed).probability
 
     @property
     def is_needed(self) -> bool:
         """False where the façade as it is reaches the level by this simulation."""
-        return not next(o.reached for o in self.now.levels if o.name == self.level)
+        return not self._level(self.now).reached
+
+    def _level(self, judged: Verdict) -> Outcome:
+        """Outcome of the level in a verdict."""
+        return next(outcome for outcome in judged.levels if outcome.name == self.level)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values, for JSON; areas in m², quantities in their units."""
@@ -108,9 +118,21 @@ class Change:
             "moves": [move.to_dict() for move in self.moves],
             "parameters": {k: {"now": a, "then": b} for k, (a, b) in self.parameters.items()},
             "quantities": quantities,
+            "drawn": None if self.drawn is None else self._as_drawn(self.drawn),
+            "asked": dict(self.asked),
             "composition": dict(self.composition),
             "tried": self.tried,
             "finished": self.finished,
+        }
+
+    def _as_drawn(self, judged: Verdict) -> dict[str, Any]:
+        """Plain values of the façade as drawn, for JSON."""
+        level = self._level(judged)
+        quantities = {name: i.to_dict() for name, i in judged.quantities.items()}
+        return {
+            "reaches": level.reached,
+            "probability": level.probability,
+            "quantities": quantities,
         }
 
     def save(self, folder: Path) -> list[Path]:
@@ -140,9 +162,27 @@ class Change:
             f"cheapest change for {self.level}: {self._described()}",
             f"  then {self._quantities(self.changed)}; probability {likelihood(self.probability)}",
             f"  now  {self._quantities(self.now)}, from the same simulation",
-            f"  {some}the least change of {self.tried} façades that were tried",
+            *self._drawn_lines(),
+            f"  {some}the least change of {self.tried} façades that were tried{self._at_least()}",
             *(f"  duty: {duty}" for duty in self.changed.duties if duty not in self.now.duties),
         ]
+
+    def _drawn_lines(self) -> Iterator[str]:
+        """Say what the façade brings as drawn, and what to do where that is too little."""
+        if self.drawn is None:
+            return
+        level = self._level(self.drawn)
+        how = "reached" if level.reached else "not reached"
+        told = f"{how}, probability {likelihood(level.probability)}"
+        yield f"  drawn and simulated afresh: {self._quantities(self.drawn)}; {told}"
+        if not level.reached:
+            yield "  take more of this change, or let tiles be smaller (rows, segments in [design])"
+
+    def _at_least(self) -> str:
+        """Say which limits the search asked for in place of the standard's."""
+        units = self.changed.units
+        limits = [f"{name} of {x:.1f} {units[name]}" for name, x in self.asked.items()]
+        return f" with {' and '.join(limits)}, asked for to hold as drawn" if limits else ""
 
     def _described(self) -> str:
         """Write the change: "0.92 m² of film to glass between 2.10 and 2.70 m (4.0 % of …)"."""

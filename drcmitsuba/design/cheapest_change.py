@@ -4,13 +4,16 @@ case ─ Layout ──────────► light by tile and material, al
      ─ present ─────────► composition as it is
      ─ least_change ────► composition of the least changed area that reaches the level
      ─ standards.verdict ► both compositions judged by the same light paths: interval, probability
+     ─ Layout.afresh ────► the change as drawn, by other light paths; more is asked where it fails
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import islice
+from typing import Any
 
 import numpy as np
 
@@ -22,13 +25,16 @@ from drcmitsuba.design.change_search import ChangeOptimum, least_change
 from drcmitsuba.design.composed_facades import Facades
 from drcmitsuba.design.facade_tiles import FacadeParts
 from drcmitsuba.design.requirement import Requirement
+from drcmitsuba.design.search import Optimum
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
-from drcmitsuba.standards import Refusal, Verdict, read, verdict
+from drcmitsuba.standards import Evidence, Refusal, Verdict, read, verdict
 from drcmitsuba.standards.terms import dated
 
 MOST_JUDGED = 8
 """Largest number of façades that the search holds for passing and that are judged with draws."""
+MOST_DRAWN = 3
+"""Largest number of changes that are drawn, each asked for more than the one before."""
 LEAST_MOVE = 0.01
 """Smallest part of the changed area that is named."""
 
@@ -97,19 +103,49 @@ def cheapest_change(judged: Verdict, facades: Facades, stage: Stage = silent) ->
     glass = facades.parts.glass if facades.problem.factors else {}
     problem = ChangeProblem(facades.problem, requirement, facades.present, glass)
     if now.levels[target].reached:
-        start = problem.evaluate(problem.start)
-        return _change(problem, facades, now, now, target, start, (1, True))
-    with stage("search") as done:
-        optimum = least_change(problem, layout.search, done, layout.known(facades.problem))
-    candidate, changed = _judged(optimum, facades, judged.standard, target)
-    counts = optimum.evaluations, optimum.finished
-    return _change(problem, facades, now, changed, target, candidate, counts)
+        return _change(_Tried(problem, problem.evaluate(problem.start), now), facades, now, target)
+    best: _Tried | None = None
+    for _ in range(MOST_DRAWN):
+        with stage("search") as done:
+            optimum = least_change(problem, layout.search, done, layout.known(facades.problem))
+        tried = _judged(optimum, facades, name, target, stage)
+        if best is None or tried.merit(target) > best.merit(target):
+            best = tried
+        if tried.drawn is None or tried.drawn.levels[target].reached:
+            break
+        raised = problem.requirement.raised(tried.drawn.levels[target].margin)
+        if raised is None:
+            break
+        problem = replace(problem, requirement=raised)
+    assert best is not None
+    return _change(best, facades, now, target)
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """A change, and what it brings."""
+
+    problem: ChangeProblem
+    candidate: ChangeCandidate
+    changed: Verdict
+    """Verdict by the light paths of the search."""
+    drawn: Verdict | None = None
+    """Verdict by the light of other paths, drawn; None where the search does not reach the level,
+    or was stopped."""
+    evaluations: int = 1
+    finished: bool = True
+
+    def merit(self, target: int) -> tuple[bool, float]:
+        """Sort key: whether the level is reached as drawn, and how far that is from its limit."""
+        if self.drawn is None:
+            return self.changed.levels[target].reached, -np.inf
+        return self.drawn.levels[target].reached, self.drawn.levels[target].margin.slack
 
 
 def _judged(
-    optimum: ChangeOptimum, facades: Facades, standard: str, target: int
-) -> tuple[ChangeCandidate, Verdict]:
-    """Verdict, with draws, on the least change that reaches a level; else on the nearest façade.
+    optimum: ChangeOptimum, facades: Facades, standard: str, target: int, stage: Stage
+) -> _Tried:
+    """Judge, with draws, the least change that reaches a level; else the nearest façade.
 
     The search counts in single precision: a point at its threshold may count otherwise here.
     """
@@ -120,20 +156,23 @@ def _judged(
         factors = {name: float(factor[0]) for name, factor in scale.items()}
         return verdict(standard, facades.evidence(candidate.share, factors))
 
+    counts = optimum.evaluations, optimum.finished
     passing = [c for c in history.candidates if optimum.problem.holds(c)]
     for candidate in islice(sorted(passing, key=lambda c: c.cost), MOST_JUDGED):
         changed = judged(candidate)
         if changed.levels[target].reached:
-            return candidate, changed
-    return optimum.best, judged(optimum.best)
+            drawn = None
+            if optimum.finished:
+                design = Optimum[Any, Any](facade, candidate, history, True)
+                evidence = Evidence.of_result(facades.layout.afresh(design, stage))
+                drawn = verdict(standard, evidence)
+            return _Tried(optimum.problem, candidate, changed, drawn, *counts)
+    return _Tried(optimum.problem, optimum.best, judged(optimum.best), None, *counts)
 
 
-def _change(
-    problem: ChangeProblem, facades: Facades, now: Verdict, changed: Verdict, target: int,
-    candidate: ChangeCandidate, counts: tuple[int, bool],
-) -> Change:  # fmt: skip
-    """Put a change together; `counts` are the tried façades and whether the search ended."""
-    tried, finished = counts
+def _change(tried: _Tried, facades: Facades, now: Verdict, target: int) -> Change:
+    """Put a change together."""
+    problem, candidate = tried.problem, tried.candidate
     before = problem.named(problem.start_towards(candidate.x))
     after = problem.named(candidate.x)
     single = [p for p in problem.facade.free if p.count == 1]
@@ -142,15 +181,17 @@ def _change(
         standard=now.standard,
         level=now.levels[target].name,
         now=now,
-        changed=changed,
-        reaches=changed.levels[target].reached,
-        tried=tried,
-        finished=finished,
+        changed=tried.changed,
+        drawn=tried.drawn,
+        reaches=tried.changed.levels[target].reached,
+        tried=tried.evaluations,
+        finished=tried.finished,
         area=candidate.changed,
         moves=moves(problem, candidate, facades.parts),
         facade_area=facades.parts.area,
         parameters=pairs,
         composition=problem.details(candidate)["composition"],
+        asked=problem.requirement.asked,
         tables=facades.layout.tables(candidate.share) if candidate.changed > 0 else {},
     )
 

@@ -15,6 +15,8 @@ from drcmitsuba.runtime.toml import Side
 from drcmitsuba.scene.pane_groups import group_of
 
 MOST_SEGMENTS = 200
+LEAST_PART = 1e-3
+"""Smallest share of a tile that does not count as 0."""
 ALIGNED = 0.01
 """Largest distance of a tile's edge from a segment's edge [m]."""
 
@@ -29,11 +31,11 @@ def realise(
 
     In a tile of several `materials`, each takes its `share`, shape (tile, material), of the height;
     less than 0.1 % counts as 0. Clear panes lie below the film, unless the tile below has more film
-    than the tile above. Wall lies at the upper edge, or at the lower edge if the tile below has
-    more wall than the tile above. A piece too low for a pane with its frame goes to the tile's
-    other pieces. Touching panes of one material become one. Every pane has the façade's frame
-    around it, so that cut tiles have less glass than the composition says. Groups without a pane
-    are left out.
+    than the tile above. Wall lies at the upper edge, at the lower edge if the tile below has more
+    wall than the tile above, or half of it at each edge between walls. A piece too low for a pane
+    with its frame goes to the tile's other pieces. Touching panes of one material become one. Every
+    pane has the façade's frame around it, so that cut tiles have less glass than the composition
+    says. Groups without a pane are left out.
 
     Raises
     ------
@@ -97,8 +99,7 @@ def pieces_of(
     cut: list[Piece] = []
     for i, tile in enumerate(column):
         low, high = map(float, tiles.bounds[tile, 2:])
-        order = _order(stack[i], stack[i + 2], materials, film)
-        parts = [(name, stack[i + 1][materials.index(name)]) for name in order]
+        parts = _parts(stack[i + 1], stack[i], stack[i + 2], materials, film)
         cut += _heights(parts, low, high, least)
     joined: list[Piece] = []
     for bottom, top, name in cut:
@@ -109,18 +110,29 @@ def pieces_of(
     return [piece for piece in joined if piece[2] != "wall"]
 
 
-def _order(below: np.ndarray, above: np.ndarray, materials: list[str], film: str) -> list[str]:
-    """Materials of a tile from the bottom up, in an order that suits its neighbours."""
-    others = [name for name in materials if name not in ("wall", film)]
+def _parts(
+    own: np.ndarray, below: np.ndarray, above: np.ndarray, materials: list[str], film: str
+) -> list[tuple[str, float]]:
+    """Materials and shares of a tile from the bottom up, in an order that suits its neighbours.
+
+    `own`, `below` and `above` are shares of the tile and of its neighbours, shape (material,).
+    """
     f, w = materials.index(film), materials.index("wall")
-    panes = [film, *others] if below[f] > above[f] else [*others, film]
-    return ["wall", *panes] if below[w] > above[w] else [*panes, "wall"]
+    others = [i for i in range(len(materials)) if i not in (f, w)]
+    panes = [f, *others] if below[f] > above[f] else [*others, f]
+    inside = [(materials[i], float(own[i])) for i in panes]
+    wall = float(own[w])
+    if min(below[w], above[w]) > 1 - LEAST_PART:  # alone in its wall
+        return [("wall", wall / 2), *inside, ("wall", wall / 2)]
+    return [("wall", wall), *inside] if below[w] > above[w] else [*inside, ("wall", wall)]
 
 
 def _heights(parts: list[tuple[str, float]], low: float, high: float, least: float) -> list[Piece]:
     """Cut a tile into pieces, none of them too low for a pane."""
     height = high - low
-    kept = [(name, part) for name, part in parts if part * height >= max(least, 1e-3 * height)]
+    kept = [
+        (name, part) for name, part in parts if part * height >= max(least, LEAST_PART * height)
+    ]
     kept = kept or [max(parts, key=lambda p: p[1])]
     total = sum(part for _, part in kept)
     edges = low + height * np.cumsum([0.0, *(part / total for _, part in kept)])

@@ -10,7 +10,7 @@ whether the level is reached; a search only follows the margins.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import drjit as dr
@@ -33,7 +33,7 @@ from drcmitsuba.standards import Evidence, names, read
 from drcmitsuba.standards.coverage import check_facing, check_spacing, hours_of
 from drcmitsuba.standards.quantities import Counted, count, stamps_needed
 from drcmitsuba.standards.standard import Level, Limit, Quantity, Standard
-from drcmitsuba.standards.verdict import Outcome, outcome
+from drcmitsuba.standards.verdict import Margin, Outcome, outcome
 from drcmitsuba.standards.year import OF_LIGHT, StandardYear
 from drcmitsuba.transport.elements.state_illuminances import Illuminances
 
@@ -108,6 +108,24 @@ class Requirement:
     def title(self) -> str:
         """Standard and level in words."""
         return f"{self.standard.title}: {self.level.name}"
+
+    @property
+    def asked(self) -> dict[str, float]:
+        """Limits that are higher than the standard's [% or h]."""
+        own = next(level for level in self.standard.levels if level.name == self.level.name)
+        pairs = zip(self.level.limits, own.limits, strict=True)
+        return {mine.quantity: mine.at_least for mine, theirs in pairs if mine != theirs}
+
+    def raised(self, margin: Margin) -> Requirement | None:
+        """Requirement whose limit is higher by what a façade lacks; None where it cannot be."""
+        limits = {limit.quantity: limit for limit in self.level.limits}
+        limit = limits[margin.quantity]
+        least, is_share = limit.at_least - margin.distance, self._quantity(limit).of != "mean"
+        if margin.distance >= 0 or (is_share and max(least, limit.at_least) >= ALL_POINTS):
+            return None
+        limits[margin.quantity] = limit.model_copy(update={"at_least": least})
+        level = self.level.model_copy(update={"limits": tuple(limits.values())})
+        return replace(self, level=level)
 
     def hard(self, E: Illuminances) -> tuple[Outcome, np.ndarray]:
         """Outcome of the level by the standard's count, and its margins, shape (margin,)."""

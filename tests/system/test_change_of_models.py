@@ -62,7 +62,9 @@ def changed(kind, folder):
     change = cheapest_change(now, facades)
     assert change.reaches
     assert change.level == "nominally accepted"
-    assert 0.5 < change.probability < 1
+    assert 0.5 < change.probability <= 1
+    assert change.drawn.levels[0].reached
+    assert change.drawn.quantities["sDA"].value >= LEAST
     assert now.quantities["sDA"].value < LEAST <= change.changed.quantities["sDA"].value
     return facades, change
 
@@ -127,3 +129,7 @@ def test_the_command_writes_the_new_windows(run, tmp_path):
     sides = opal.quads[:, [1, 3]] - opal.quads[:, [0]]
     area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).sum()
     assert area == pytest.approx(told["changed_m2"], rel=1e-3)
+    result = drcmitsuba.evaluate(case.with_tables(design=None))
+    sda = verdict(STANDARD, Evidence.of_result(result)).quantities["sDA"].value
+    assert told["drawn"]["reaches"]
+    assert told["drawn"]["quantities"]["sDA"]["value"] == pytest.approx(sda)

@@ -30,6 +30,7 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.standards import Refusal, read, verdict
 from drcmitsuba.standards.standard import Limit
+from drcmitsuba.standards.verdict import Margin
 from drcmitsuba.transport.elements.state_illuminances import Illuminances
 from tests.fast import slowly
 from tests.synthetic_year import SyntheticYear, Tiles
@@ -130,13 +131,16 @@ def test_the_change_is_the_least_one_of_a_sweep_that_reaches_the_level(facades, 
 
 
 def test_the_change_says_where_it_lies_and_by_how_much(change):
-    first, then, now, tried = change.text()[:4]
+    first, then, now, drawn, tried = change.text()[:5]
     assert first.startswith(f"cheapest change for preferred: {change.area:.2f} m² of glass to film")
     assert "between 1.20 and 2.40 m" in first
     assert f"({100 * change.area / 9:.1f} % of the façade)" in first
     assert "then sDA 75.0 (" in then
     assert "probability" in then
     assert "now  sDA" in now
+    value = change.drawn.quantities["sDA"].value
+    assert f"drawn and simulated afresh: sDA {value:.1f} (" in drawn
+    assert "; reached, probability " in drawn
     assert f"of {change.tried} façades" in tried
 
 
@@ -422,6 +426,21 @@ def test_smooth_margins_tend_to_the_hard_ones(year, at_least, changes):
     (far,), (near,) = (asked.smooth(lit, k) for k in (8.0, 4096.0))
     assert abs(float(near[0]) - hard[0]) < 0.02
     assert abs(float(near[0]) - hard[0]) <= abs(float(far[0]) - hard[0])
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "changes", "asked_for"),
+    [
+        (52.0, "%", {}, 68.0),
+        (61.0, "%", {}, None),  # another limit fails
+        (15.0, "%", {}, None),  # no share of the points exceeds 100 %
+        (50.0, "h", {"light": "open", "of": "mean", "fraction": None, "hours": 30.0}, 70.0),
+    ],
+)
+def test_more_is_asked_for_where_a_drawn_façade_fails(year, value, unit, changes, asked_for):
+    asked = required(year, "sDA", 60.0, **changes)
+    raised = asked.raised(Margin("sDA", value, 60.0, unit))
+    assert (raised and raised.level.limits[0].at_least) == asked_for
 
 
 @pytest.mark.parametrize(

@@ -360,6 +360,15 @@ def test_pieces_lie_where_their_neighbours_say():
     np.testing.assert_allclose(strips[0].top, 1.5 + 0.36)
 
 
+def test_a_window_alone_in_its_wall_lies_in_the_middle_of_its_tile():
+    tiles = Tiles.grid(3, 6)
+    share = np.tile([1.0, 0, 0, 0], (18, 1))
+    share[6:12] = [0.5, 0.3, 0.2, 0]  # tiles from 1.5 to 2.1 m
+    strips = realise(case(), "south", tiles, share, MATERIALS, "film").facade["south"].strips
+    assert [(s.material, s.segments) for s in strips] == [("glass", None), ("film", None)]
+    np.testing.assert_allclose([(s.bottom, s.top) for s in strips], [(1.65, 1.83), (1.83, 1.95)])
+
+
 def test_whole_tiles_are_the_variant_that_they_come_from():
     tiles = Tiles.grid(2, 6)
     share = np.zeros((12, 4))
