@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from drcmitsuba.runtime.progress import Stage
 
 WRITTEN = (
-    "pareto.csv", "pareto.png", "facade.png", "search.png", "tilt.png", "fresh_metrics.json",
-    "windows.csv",
+    "pareto.csv", "pareto.png", "facade.png", "panes.png", "search.png", "tilt.png",
+    "fresh_metrics.json", "windows.csv",
 )  # fmt: skip
 LOOSEST = 2.0
 """Ratio of the largest ASE limit on the Pareto front to the limit of the case."""
@@ -80,7 +80,8 @@ def _facade(case: Case, output: Path, stage: Stage) -> None:
     hard = optimum.best.hard
     title = f"{case.name}: ASE {hard.ase:.1f} %, {NAMES[problem.goal.aim]} {hard.aim:.1f} %"
     with stage("writing"):
-        plots.save(layout.picture(optimum, title), output / "facade.png")
+        for name, picture in layout.pictures(optimum, title).items():
+            plots.save(picture, output / name)
         plots.save(pictures.search(optimum), output / "search.png")
         if front is not None:
             plots.save(pictures.front(front, chosen=hard), output / "pareto.png")

@@ -104,6 +104,12 @@ class FacadeGroups:
         same = (indices[..., None, :] == self.indices).all(axis=-1)
         return np.asarray(same.argmax(axis=-1))
 
+    def places_of(self, other: FacadeGroups) -> np.ndarray:
+        """Places in `indices` of another façade's states, which has all of these groups, int."""
+        every = other.rule.groups.names
+        own = [every.index(name) for name in self.rule.groups.names]
+        return self.places(other.indices[:, own])
+
     @cached_property
     def by_schedule(self) -> np.ndarray:
         """State at each time stamp while no group closes by the rule, an index, int, (time,)."""

@@ -228,10 +228,11 @@ class Layout:
         """Tables of a composition by the names of their files; of a box its shares tell all."""
         return {}
 
-    def picture(self, optimum: FacadeOptimum, title: str) -> Figure:
-        """Picture of an optimum."""
+    def pictures(self, optimum: FacadeOptimum, title: str) -> dict[str, Figure]:
+        """Pictures of an optimum by the names of their files."""
         year, share = optimum.problem.year, optimum.best.share
-        return pictures.facade(year.tiles, share, year.materials, self.film, title)
+        picture = pictures.facade(year.tiles, share, year.materials, self.film, title)
+        return {"facade.png": picture}
 
     def built(self, optimum: FacadeOptimum) -> Case:
         """Case of an optimum, with its transmittances where these were free."""

@@ -218,12 +218,16 @@ class ModelLayout:
         assert eyes is not None
         assert daylight is not None
         built = self.built(optimum)
-        if self.openings.walls is not None:
+        if not self.openings.panes:
             return eyes.of_case(built, stage)
         _, E = problem.illuminance(problem.values(mi.Float(optimum.best.x)))
         openings, composition = self._panes_of(built, optimum)
         tiled, facades = openings.tiled((), daylight.sky["time"]), openings.facades
-        shares = np.stack([tiled.shares(composition, k) for k in range(len(E.states))])
+        states, groups = np.arange(len(E.states)), problem.measure.groups
+        if groups is not None and tiled.groups is not None:
+            states = tiled.groups.places_of(groups)  # walls without a window have no group
+        last = len(tiled.closings)
+        shares = np.stack([tiled.shares(composition, min(int(k), last)) for k in states])
         of_hours = shares[problem.measure.states(E)]
         return eyes.in_facades(facades.case, facades.panes, of_hours, stage)
 
@@ -247,13 +251,19 @@ class ModelLayout:
         rows = rows_of(self.openings.walls.windows(self._panes(share)))
         return {WINDOWS: pd.DataFrame(rows, columns=COLUMNS)}
 
-    def picture(self, optimum: FacadeOptimum, title: str) -> Figure:
-        """Picture of an optimum: its windows in their walls, or the share of the film by panes."""
+    def pictures(self, optimum: FacadeOptimum, title: str) -> dict[str, Figure]:
+        """Pictures by the names of their files: windows in their walls, shares of film by panes."""
         year, share = optimum.problem.year, optimum.best.share
-        if self.openings.walls is not None:
-            panes = self._panes(share)
-            return wall_picture(self.openings.walls, panes, self.openings.fills[1:], title)
-        return pictures.facade(year.tiles, share, year.materials, self.film, title)
+        walls, panes, made = self.openings.walls, self.openings.panes, dict[str, Figure]()
+        if walls is not None:
+            drawn, fills = self._panes(share), self.openings.fills[1:]
+            made["facade.png"] = wall_picture(walls, drawn, fills, title)
+        if panes:
+            name = "facade.png" if walls is None else "panes.png"
+            film = share[-len(panes) :, year.materials.index(self.film)]
+            areas = year.tiles.area[-len(panes) :]
+            made[name] = pictures.panes([*map(str, panes)], areas, film, self.film, title)
+        return made
 
     def _panes(self, share: np.ndarray) -> list[WallPane]:
         """Panes of a composition (tile, material) in its walls."""

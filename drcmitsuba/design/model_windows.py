@@ -37,9 +37,6 @@ def clear_of(case: Case, design: Design) -> str:
     InputError
         There is no such glazing, or `[design]` asks for what walls of a model have not.
     """
-    if design.panes and design.asks_glare:
-        got, remedy = "walls are searched, too, by hours of glare", "search one after the other"
-        raise InputError(case.source, "design.panes", got, remedy)
     if design.parameters == "window" and "parameters" in design.model_fields_set:
         got, remedy = "the tiles of a model's walls are no one window", 'give "strips"'
         raise InputError(case.source, "design.parameters", got, remedy)

@@ -106,6 +106,33 @@ def facade(
     return figure
 
 
+def panes(
+    names: Sequence[str], areas: np.ndarray, film_share: np.ndarray, film: str, title: str = ""
+) -> Figure:
+    """Draw how much of a model's panes takes a film, a bar for all panes of one name.
+
+    `areas` (pane,) are in m², `film_share` (pane,) is the film's part of each.
+    """
+    figure = Figure(figsize=(8.6, 1.9 + 0.4 * len(names)), layout="constrained")
+    ax = figure.add_subplot()
+    ax.set_title(title, loc="left", weight="bold", fontsize=11, parse_math=False)
+    row, of_film = np.arange(len(names)), areas * film_share
+    for what, colour, left, width in (
+        (film, FILM, np.zeros_like(areas), of_film),
+        ("as drawn", GLASS, of_film, areas - of_film),
+    ):
+        label = f"{what}, {width.sum():.1f} m²".replace("$", r"\$")
+        ax.barh(row, width, 0.6, left, color=colour, linewidth=0, label=label)
+    for k, (area, share) in enumerate(zip(areas, film_share, strict=True)):
+        ax.text(area, k, f" {100 * share:.0f} %", va="center", fontsize=9, color=INK)
+    ax.set_yticks(row, names, parse_math=False)
+    ax.set(xlabel="area of the panes [m²]", ylim=(len(names) - 0.5, -0.5))
+    ax.set_xlim(0, 1.1 * float(areas.max()))
+    ax.spines[["top", "right"]].set_visible(False)
+    figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=9)
+    return figure
+
+
 def search(optimum: Optimum) -> Figure:
     """Draw the objective of every evaluation, and the best feasible objective so far."""
     figure = Figure(figsize=(7.6, 4.2), layout="constrained")

@@ -302,6 +302,14 @@ def test_files_of_a_search(year, tmp_path):
     pictures.search(optimum).savefig(tmp_path / "search.png")
 
 
+def test_a_picture_of_panes_has_the_area_of_the_film_in_each():
+    names, areas, film = ["glass (south)", "roof"], np.array([4.0, 2.0]), np.array([0.25, 1.0])
+    (ax,) = pictures.panes(names, areas, film, "film").axes
+    assert [bar.get_width() for bar in ax.patches] == [1.0, 2.0, 3.0, 0.0]
+    assert [label.get_text() for label in ax.get_yticklabels()] == names
+    assert [text.get_text().strip() for text in ax.texts] == ["25 %", "100 %"]
+
+
 TABLES = {
     "room": {"size": [8.8, 9.0, 3.6]},
     "materials": {
