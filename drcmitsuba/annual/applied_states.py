@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any, NamedTuple
+
+import xarray as xr
 
 from drcmitsuba.annual.attributes import attributes
 from drcmitsuba.annual.run import Run
@@ -11,11 +15,20 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
+from drcmitsuba.metrics.evaluate_metrics import draw_shade
 from drcmitsuba.metrics.facade_states import FacadeStates
+from drcmitsuba.metrics.intervals.facade_draws import Closures
 from drcmitsuba.sky.daylight import Daylight
 
 
-def applied_states(case: Case, light: Daylight, run: Run) -> FacadeStates | None:
+class AppliedStates(NamedTuple):
+    """State of the façade at every time stamp, and in the draws of the direct sun."""
+
+    taken: FacadeStates
+    closures: Closures
+
+
+def applied_states(case: Case, light: Daylight, run: Run) -> AppliedStates | None:
     """State of the façade at every time stamp: by the rule of the shade, or by schedules.
 
     The shade closes by direct sun on the sensors: nothing else is simulated.
@@ -29,7 +42,7 @@ def applied_states(case: Case, light: Daylight, run: Run) -> FacadeStates | None
 
     Returns
     -------
-    FacadeStates or None
+    AppliedStates or None
         None where no group of panes may change its state.
 
     Raises
@@ -46,4 +59,15 @@ def applied_states(case: Case, light: Daylight, run: Run) -> FacadeStates | None
             run=replace(run, enabled_effects=run.enabled_effects.only_sun),
         )  # fmt: skip
     direct = illuminance.direct_sun(Coefficients(C.assign_attrs(marked)), light.sky)
-    return FacadeStates.of(marked, direct)
+    return states_by(direct, case, light, marked)
+
+
+def states_by(
+    direct: xr.Dataset, case: Case, light: Daylight, marked: Mapping[str, Any]
+) -> AppliedStates:
+    """States by the direct sun on the sensors, from `illuminance.direct_sun` [lx].
+
+    `marked` are the attributes of C, with the groups and their rule.
+    """
+    closures = draw_shade(case, light.step_hours, direct, marked).closures
+    return AppliedStates(FacadeStates.of(marked, direct), closures)

@@ -18,6 +18,7 @@ from drcmitsuba.glare_year.eyes import Eyes
 from drcmitsuba.glare_year.facades import Facades
 from drcmitsuba.glare_year.place import SeenPlace
 from drcmitsuba.glare_year.rule import Rule
+from drcmitsuba.metrics.intervals.facade_draws import DrawnStates
 from drcmitsuba.runtime.progress import Progress, silent
 from drcmitsuba.runtime.random_streams import Stream, case_seed
 from drcmitsuba.sky.luminances import at_rows
@@ -27,15 +28,16 @@ LEAST_AGAIN = 1e-3
 
 
 def samples_of(
-    facades: Facades, illuminance: EyeIlluminance, places: Iterable[SeenPlace], looking: Eyes,
-    rule: Rule, done: Progress = lambda share: None,
+    facades: Sequence[np.ndarray], illuminance: EyeIlluminance, places: Iterable[SeenPlace],
+    looking: Eyes, rule: Rule, done: Progress = lambda share: None,
 ) -> list[EyeSamples]:  # fmt: skip
     """Samples of eyes in façades, by sums alone; places are looked at one after another.
 
-    Hours in which a façade is as one before it take the samples of that one.
+    `facades` are shares (time, element) of each. Hours in which a façade is as one before it take
+    the samples of that one.
     """
-    alike = _Alike.of([*facades.values()])
-    rows = [*zip(facades.values(), alike.fresh, strict=True)]
+    alike = _Alike.of(facades)
+    rows = [*zip(facades, alike.fresh, strict=True)]
     E = [illuminance.in_facade(shares, fresh) for shares, fresh in rows]
     replicates, times, views = E[0].shape
     shape = (len(E), times, views)
@@ -127,7 +129,12 @@ class ElementSampler:
     @property
     def states(self) -> tuple[State, ...]:
         """Names of the façades."""
-        return tuple(self.facades)
+        return tuple(self.facades.shares)
+
+    @property
+    def drawn(self) -> DrawnStates | None:
+        """States that `applied` takes in draws."""
+        return self.facades.drawn
 
     def traced(self) -> list[State]:
         """States whose effort is that of all elements, for the forecast."""
@@ -135,7 +142,7 @@ class ElementSampler:
 
     def first(self) -> list[EyeSamples]:
         """Simulate the first round, of all hours and eyes."""
-        return self._samples(self.tracing, self.facades, self.looking)
+        return self._samples(self.tracing, self.facades.every, self.looking)
 
     def more(
         self, samples: list[EyeSamples], wanting: np.ndarray, number: int, with_sources: bool
@@ -147,7 +154,7 @@ class ElementSampler:
         hours, views = (np.flatnonzero(wanting.any(axis=axis)) for axis in ((0, 2), (0, 1)))
         wanted = [k for k, of_state in enumerate(wanting) if of_state.any()]
         here = replace(tracing, light=at_rows(tracing.light, hours), run=run)
-        facades = {self.states[k]: self.facades[self.states[k]][hours] for k in wanted}
+        facades = [self.facades.every[k][hours] for k in wanted]
         looking = self.looking.take(views)
         if with_sources:
             names: tuple[str, ...] = ("illuminance", "sums", "sharp", "deviations")
@@ -166,7 +173,7 @@ class ElementSampler:
         return note_of(max(self.again, default=0.0))
 
     def _samples(
-        self, tracing: ElementTracing, facades: Facades, looking: Eyes
+        self, tracing: ElementTracing, facades: Sequence[np.ndarray], looking: Eyes
     ) -> list[EyeSamples]:
         """Samples of façades, whose places are given up one after another."""
         E = tracing.at_eyes(looking)

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from drcmitsuba.annual.applied_states import applied_states
+from drcmitsuba.annual.applied_states import AppliedStates, applied_states, states_by
 from drcmitsuba.annual.attributes import attributes
 from drcmitsuba.annual.choice import Choice, ChosenFills
 from drcmitsuba.annual.chosen_facade import ChosenFacade, light_of_channels
@@ -17,15 +17,29 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import APPLIED, State
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
-from drcmitsuba.metrics.facade_states import FacadeStates
+from drcmitsuba.metrics.intervals.facade_draws import DrawnStates
 from drcmitsuba.scene.fills import names_of
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.transport.elements import LightByElement
 
-Facades = Mapping[State, np.ndarray]
-"""Shares (time, element) of façades by their names."""
+
+@dataclass(frozen=True, eq=False)
+class Facades:
+    """Shares of openings and fills in some façades."""
+
+    shares: Mapping[State, np.ndarray]
+    """Shares (time, element) by the name of each façade, `applied` last."""
+    others: tuple[np.ndarray, ...] = ()
+    """Shares (time, element) in other states, which `applied` takes in draws."""
+    drawn: DrawnStates | None = None
+    """Hours and draws of these; None where no rule closes anything."""
+
+    @property
+    def every(self) -> list[np.ndarray]:
+        """Shares of all façades, those of other states last."""
+        return [*self.shares.values(), *self.others]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,29 +68,37 @@ class FacadesOfCase:
         if not chosen.hourly:
             for row in moving.in_step:
                 out.setdefault(moving.label(row), facade.shares(np.tile(row, (stamps, 1))))
-        if facade.moving.groups:
-            indices = self._indices(facade) if choice else self._as_case(facade)
-            out[APPLIED] = facade.shares(indices)
-        return out
+        if not facade.moving.groups:
+            return Facades(out)
+        if choice and all(group.by_hour is not None for group in facade.moving.groups):
+            out[APPLIED] = facade.shares(facade.moving.schedule.indices(time))
+            return Facades(out)
+        groups = moving if choice else prepared(self.case).groups.states
+        applied = self._applied(facade) if choice else self._as_case()
+        own = [groups.names.index(group.name) for group in facade.moving.groups]
+        out[APPLIED] = facade.shares(applied.taken.of_group[:, own])
+        drawn, states = applied.closures.in_draws(), applied.closures.states
+        others = [
+            facade.shares(np.array([groups.indices(states[k]) for k in index])[:, own])
+            for index in drawn.others
+        ]
+        return Facades(out, tuple(others), drawn)
 
-    def _as_case(self, facade: ChosenFacade) -> np.ndarray:
-        """State of every moving group without a choice, as an evaluation has it, (time, group)."""
-        names = prepared(self.case).groups.states.names
-        taken = applied_states(self.case, self.light, self.run)
-        assert taken is not None
-        return taken.of_group[:, [names.index(group.name) for group in facade.moving.groups]]
+    def _as_case(self) -> AppliedStates:
+        """State of every group without a choice, as an evaluation has it."""
+        applied = applied_states(self.case, self.light, self.run)
+        assert applied is not None
+        return applied
 
-    def _indices(self, facade: ChosenFacade) -> np.ndarray:
-        """State of every moving group at every time stamp, int, (time, group)."""
-        if all(group.by_hour is not None for group in facade.moving.groups):
-            return facade.moving.schedule.indices(self.light.sky["time"])
+    def _applied(self, facade: ChosenFacade) -> AppliedStates:
+        """State of every moving group."""
         facade = replace(facade, channels=self._sun)
         bins = np.arange(self._sun[0].sky_bins, len(self._sun[0].labels))
         marked = facade.attributes
         direct = illuminance.direct_sun(
             Coefficients(facade.straight(bins).assign_attrs(marked)), self.light.sky
         )
-        return FacadeStates.of(marked, direct).of_group
+        return states_by(direct, self.case, self.light, marked)
 
     @cached_property
     def _sun(self) -> tuple[LightByElement, ...]:

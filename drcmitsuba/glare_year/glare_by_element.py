@@ -100,12 +100,12 @@ class GlareElements:
             facades = replace(self.facades, run=run).of(choice or {})
             with run.timed("sums"):
                 samples = samples_of(
-                    facades, self.illuminance, self.places, self.looking, self.rule
+                    facades.every, self.illuminance, self.places, self.looking, self.rule
                 )
             light = self.facades.light
             return rated(
-                self.case, light, self.looking, tuple(facades), samples, self.notes,
-                rule=self.rule, run=run,
+                self.case, light, self.looking, tuple(facades.shares), samples, self.notes,
+                rule=self.rule, run=run, drawn=facades.drawn,
             )  # fmt: skip
 
     def __repr__(self) -> str:

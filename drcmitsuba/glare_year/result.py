@@ -20,6 +20,7 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.case.case import Case
+from drcmitsuba.glare_year.state_doubts import StateDoubts
 from drcmitsuba.glare_year.worst_views import worst_spaces, worst_views
 from drcmitsuba.metrics.intervals.autonomy import multipliers
 from drcmitsuba.model.space import Space
@@ -63,6 +64,8 @@ class GlareYear:
     """Rule, case and weather, notes."""
     seconds: dict[str, float]
     """Seconds of the stages."""
+    doubts: StateDoubts | None = None
+    """Doubts about the last state, `applied`; None where there are none."""
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -105,16 +108,19 @@ class GlareYear:
                 each = self.replicates[:, s, self.counted, v]
                 mean = each.mean(axis=0)
                 values = mean[:, None] + (each - mean).T @ drawn
+                in_states = values
+                if self.doubts is not None and s == states - 1:
+                    in_states = self.doubts.in_drawn_states(values, self.counted, v, drawn)
                 for limit, shares in out.items():
                     above, stated = values > limit, dgp[s, self.counted, v] > limit
-                    shares[s, v] = above.mean(axis=0)
+                    shares[s, v] = (in_states > limit).mean(axis=0)
                     doubt[s, self.counted, v] |= (above != stated[:, None]).any(axis=1)
         return out, doubt
 
     @property
     def in_doubt(self) -> np.ndarray:
         """Whether some draw of an hour's DGP lies beyond a limit that the DGP does not exceed, or
-        the other way round, bool (state, time, view).
+        the other way round, while the state of the façade stays, bool (state, time, view).
 
         The limits are those of `CLASSES`; the other hours add nothing to the intervals.
         """

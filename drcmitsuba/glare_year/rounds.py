@@ -25,6 +25,7 @@ from drcmitsuba.glare_year.eyes import Eyes
 from drcmitsuba.glare_year.result import GlareYear
 from drcmitsuba.glare_year.rule import Rule
 from drcmitsuba.glare_year.state import at_eyes
+from drcmitsuba.metrics.intervals.facade_draws import DrawnStates
 from drcmitsuba.runtime.progress import silent
 from drcmitsuba.runtime.random_streams import Stream, case_seed
 from drcmitsuba.runtime.time_limit import TimeLimit
@@ -61,6 +62,10 @@ class Sampler(Protocol):
     @property
     def states(self) -> tuple[State, ...]:
         """Names of all states, `applied` last."""
+
+    @property
+    def drawn(self) -> DrawnStates | None:
+        """States that `applied` takes in draws, whose samples follow those of all states."""
 
     def traced(self) -> list[State]:
         """States that are traced, for the forecast."""
@@ -100,6 +105,8 @@ class StateSampler:
     simulated: tuple[State, ...]
     index: np.ndarray | None = None
     """State of each time stamp in `applied`, int, shape (time,); None without it."""
+    drawn: DrawnStates | None = None
+    """States that `applied` takes in draws."""
     remarks: tuple[str, ...] = ()
     """Notes on what is left out."""
 
@@ -150,8 +157,11 @@ class StateSampler:
         return self._with_applied(out)
 
     def _with_applied(self, samples: list[EyeSamples]) -> list[EyeSamples]:
-        """Samples of the states one by one, and of `applied`."""
-        return samples if self.index is None else [*samples, by_hour(samples, self.index)]
+        """Samples of the states one by one, of `applied`, and of other states in its place."""
+        if self.index is None:
+            return samples
+        others = () if self.drawn is None else self.drawn.others
+        return [*samples, *(by_hour(samples, index) for index in (self.index, *others))]
 
 
 def of_illuminance(samples: list[EyeSamples], target: Target) -> IntervalLook:

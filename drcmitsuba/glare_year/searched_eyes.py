@@ -160,7 +160,7 @@ class SearchedEyes:
         run = replace(tracing.run, seed=seed, stage=stage)
         fresh = ElementTracing(case, panes, tracing.light, run)
         samples = samples_of(
-            {APPLIED: shares}, fresh.at_eyes(looking), fresh.places(looking, RULE.least),
+            [shares], fresh.at_eyes(looking), fresh.places(looking, RULE.least),
             looking, RULE,
         )  # fmt: skip
         return rated(case, tracing.light, looking, (APPLIED,), samples, (), rule=RULE, run=run)

@@ -56,6 +56,8 @@ from drcmitsuba.glare_year.rounds import (
     toward,
 )
 from drcmitsuba.glare_year.rule import Rule
+from drcmitsuba.glare_year.state_doubts import StateDoubts
+from drcmitsuba.metrics.intervals.facade_draws import DrawnStates
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.progress import Stage, silent
@@ -128,16 +130,16 @@ def glare(
     simulated = case if planned.scope.shade else case.with_tables(shading=None, groups={})
     sampler = _sampler(simulated, light, looking, rule, run)
     if told is not None:
-        states = sampler.traced()
-        told(forecast.seconds(simulated, states, light, looking, planned.scope))
+        told(forecast.seconds(simulated, sampler.traced(), light, looking, planned.scope))
     if isinstance(sampler, ElementSampler):
         planned = planned.summed(always=True)
-    made = partial(rated, case, light, looking, sampler.states, rule=rule, run=run)
+    states = sampler.states
+    made = partial(rated, case, light, looking, states, rule=rule, run=run, drawn=sampler.drawn)
 
     def look(samples: list[EyeSamples]) -> IntervalLook:
         assert target is not None
         if target.unit == AT_SENSORS:
-            return of_illuminance(samples, target)
+            return of_illuminance(samples[: len(states)], target)
         return of_glare(made(samples, ()), target)
 
     samples, target, notes = sampler.first(), case.accuracy.eye_goal, sampler.notes()
@@ -160,17 +162,18 @@ def _sampler(case: Case, light: Daylight, looking: Eyes, rule: Rule, run: Run) -
         panes = openings_of(case)
         facades = FacadesOfCase(case, panes, light, run).of({})
         return ElementSampler(ElementTracing(case, panes, light, run), facades, looking, rule)
-    taken = applied_states(case, light, run)
-    assert taken is not None
-    each = [groups.label(row) for row in groups.in_step]
+    applied = applied_states(case, light, run)
+    assert applied is not None
+    each, taken = [groups.label(row) for row in groups.in_step], applied.closures
     if VARYING in taken.states:
         note = "glare with the shade applied is left out: its groups take too many states to be "
         note += "simulated one by one, and light of this case is no sum over openings"
         states = tuple(dict.fromkeys(each))
         return StateSampler(case, light, looking, rule, run, states, remarks=(note,))
     states = tuple(dict.fromkeys((*each, *taken.states)))
-    index = np.array([states.index(state) for state in taken.states])[taken.index]
-    return StateSampler(case, light, looking, rule, run, states, index)
+    place, drawn = np.array([states.index(state) for state in taken.states]), taken.in_draws()
+    drawn = drawn._replace(others=place[drawn.others])
+    return StateSampler(case, light, looking, rule, run, states, place[taken.state], drawn)
 
 
 def pseudo_values(rule: Rule, E: np.ndarray, S: np.ndarray, deviations: np.ndarray) -> np.ndarray:
@@ -188,15 +191,22 @@ def pseudo_values(rule: Rule, E: np.ndarray, S: np.ndarray, deviations: np.ndarr
 def rated(
     case: Case, light: Daylight, looking: Eyes, states: Sequence[State],
     samples: Sequence[EyeSamples], notes: Sequence[str], *, rule: Rule, run: Run,
+    drawn: DrawnStates | None = None,
 ) -> GlareYear:  # fmt: skip
-    """DGP of the samples of all states, and what it follows from."""
+    """DGP of the samples of all states, and what it follows from.
+
+    Samples of `drawn.others` follow those of the states.
+    """
     dims = ("state", "time", "view")
-    E, deviations = (
-        np.stack([getattr(s, name) for s in samples], 1) for name in ("illuminance", "deviations")
-    )
-    S, sharp = (np.stack([getattr(s, name) for s in samples]) for name in ("sums", "sharp"))
+    samples, others = samples[: len(states)], samples[len(states) :]
+    E, S, sharp, deviations = _stacked(samples, slice(None))
     mean, error = mean_and_error(E)
     replicates = pseudo_values(rule, E, S, deviations).astype(np.float32)
+    doubts = None
+    if drawn is not None and len(drawn.hours):
+        E_others, S_others, _, of_others = _stacked(others, drawn.hours)
+        of_draws = pseudo_values(rule, E_others, S_others, of_others).astype(np.float32)
+        doubts = StateDoubts(drawn.hours, drawn.drawn, of_draws)
     values: dict[str, Any] = {
         "dgp": rule.dgp(mean, S), "dgp_se": mean_and_error(replicates)[1],
         "illuminance": mean, "illuminance_se": error,
@@ -220,4 +230,16 @@ def rated(
     hours.attrs = {"case": case.name, "step_hours": light.step_hours, "weather": light.source}
     settings = {**settings_of_case(case, light), "rule": asdict(rule), "seed": run.seed}
     settings["notes"] = [*notes]
-    return GlareYear(case, hours, replicates, settings, dict(run.seconds))
+    return GlareYear(case, hours, replicates, settings, dict(run.seconds), doubts)
+
+
+def _stacked(samples: Sequence[EyeSamples], hours: np.ndarray | slice) -> list[np.ndarray]:
+    """E_v, sums, sharp sums and deviations of several samples at some hours, by state.
+
+    Shapes ([replicate,] state, hour, view).
+    """
+    axes = {"illuminance": 1, "sums": 0, "sharp": 0, "deviations": 1}
+    return [
+        np.stack([getattr(s, name)[..., hours, :] for s in samples], axis)
+        for name, axis in axes.items()
+    ]

@@ -168,10 +168,10 @@ def states_at(case: Case, instants: np.ndarray, stage: Stage = silent) -> list[S
     backend.select()
     light, row = _hours_of(case, instants)
     run = replace(Run.of(case, plan(case, light).scope), stage=stage)
-    taken = applied_states(case, light, run)
-    if taken is None:
+    applied = applied_states(case, light, run)
+    if applied is None:
         return [OPEN] * len(instants)
-    return [groups.label(states) for states in taken.of_group[row].tolist()]
+    return [groups.label(states) for states in applied.taken.of_group[row].tolist()]
 
 
 def _hours_of(case: Case, instants: np.ndarray) -> tuple[Daylight, np.ndarray]:

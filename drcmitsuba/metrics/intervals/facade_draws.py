@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -13,6 +14,19 @@ from drcmitsuba.metrics.facade_states import ShadeRule, numbered
 from drcmitsuba.metrics.grids import count_by_grid
 from drcmitsuba.metrics.intervals.rules import DRAWS
 from drcmitsuba.metrics.intervals.sun import BLOCK, SunDraws, unpacked
+
+
+class DrawnStates(NamedTuple):
+    """States that a façade takes in some draws, in place of those by the mean of the direct sun."""
+
+    hours: np.ndarray
+    """Time stamps whose state differs between draws, shape (hour,)."""
+    others: np.ndarray
+    """Other states of every time stamp, an index; that by the mean where there are fewer, shape
+    (other, time)."""
+    drawn: np.ndarray
+    """Number of the other state that each draw takes, from 1; 0 for that by the mean, shape (hour,
+    draw)."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +60,18 @@ class Closures:
             self.states, self.state[hours], self.closed[hours],
             np.searchsorted(hours, self.hours[kept]), self.drawn[kept], self.closed_drawn[kept],
         )  # fmt: skip
+
+    def in_draws(self) -> DrawnStates:
+        """States of the hours in which draws differ."""
+        differs = self.drawn != self.state[self.hours, None]
+        others = [np.unique(row[own]) for row, own in zip(self.drawn, differs, strict=True)]
+        every = np.tile(self.state, (max(map(len, others), default=0), 1))
+        number = np.zeros_like(self.drawn)
+        for i, (hour, own) in enumerate(zip(self.hours, others, strict=True)):
+            every[: len(own), hour] = own
+            for k, state in enumerate(own, 1):
+                number[i, self.drawn[i] == state] = k
+        return DrawnStates(self.hours, every, number)
 
     def shares(self, month: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Shares of the hours with the shade closed [%], mean of all groups.

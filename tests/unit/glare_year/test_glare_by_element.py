@@ -7,6 +7,7 @@ from scipy import stats
 
 import drcmitsuba
 from drcmitsuba import InputError
+from drcmitsuba.annual.applied_states import AppliedStates
 from drcmitsuba.annual.run import Run
 from drcmitsuba.case.schedule import hour_of_year
 from drcmitsuba.case.sun import Adaptive
@@ -15,6 +16,9 @@ from drcmitsuba.glare_year.element_sampler import ElementSampler, note_of
 from drcmitsuba.glare_year.eyes import eyes
 from drcmitsuba.glare_year.rounds import StateSampler
 from drcmitsuba.glare_year.rule import Rule
+from drcmitsuba.metrics.facade_states import FacadeStates
+from drcmitsuba.metrics.intervals.facade_draws import Closures
+from drcmitsuba.metrics.intervals.rules import DRAWS
 from drcmitsuba.plan import plan
 from drcmitsuba.sky.daylight import daylight
 from tests.unit.glare_year.glare_room import case_in
@@ -264,11 +268,37 @@ def test_groups_may_take_any_number_of_states(tmp_path):
     sampler = sampler_of(case)
     assert isinstance(sampler, ElementSampler)
     assert sampler.states == ("open", *(f"{name}/{name}" for name in names), "applied")
-    shares = sampler.facades["applied"]
+    shares = sampler.facades.shares["applied"]
     taken = [np.flatnonzero(row) - [0, 14] for row in shares]
     assert [t.tolist() for t in taken] == [
         [h % 14, 5 * h % 14] for h in hour_of_year(sampler.tracing.light.sky["time"])
     ]
+
+
+def test_other_states_of_draws_are_facades_in_hours_in_doubt_alone(office, monkeypatch):
+    """By sums over elements, and state by state: hour 1 takes another state in some draws."""
+    states, stamps = ("open", "cloth/cloth", "thick/cloth"), len(daylight(office).sky["time"])
+    taken = np.resize([0, 1], stamps)
+    drawn = np.resize([1, 2, 0], (1, DRAWS))
+    closures = Closures(states, taken, taken / 2, np.array([1]), drawn, drawn / 2)
+    rows = np.array([[0, 0], [1, 1]])[taken]
+    applied = AppliedStates(FacadeStates(states, taken, rows), closures)
+    for module in ("year", "facades"):
+        monkeypatch.setattr(f"drcmitsuba.glare_year.{module}.applied_states", lambda *_: applied)
+    by_element = sampler_of(office)
+    assert isinstance(by_element, ElementSampler)
+    every, starts = by_element.facades, by_element.tracing.openings.starts
+    for others, row in zip(every.others, ([0, 0], [2, 1]), strict=True):
+        differs = (others != every.shares["applied"]).any(axis=1)
+        assert np.flatnonzero(differs).tolist() == [1]
+        assert np.flatnonzero(others[1]).tolist() == [starts[0] + row[0], starts[1] + row[1]]
+    by_state = sampler_of(office.with_tables(sun=Adaptive(model="adaptive")))
+    places = [by_state.simulated.index(state) for state in ("open", "thick/cloth")]
+    assert by_state.drawn.others[:, 1].tolist() == places
+    assert np.argwhere(by_state.drawn.others != by_state.index).tolist() == [[0, 1], [1, 1]]
+    for sampler in (by_element, by_state):
+        assert np.unique(sampler.drawn.drawn[0]).tolist() == [0, 1, 2]
+        assert (sampler.drawn.drawn[0] == 0).sum() == (drawn == 1).sum()
 
 
 def test_an_adaptive_sun_is_simulated_state_by_state(office):

@@ -1,5 +1,6 @@
 """Rounds toward a target of glare: averages, looks at made years, and when the rounds end."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,6 +19,9 @@ from drcmitsuba.glare_year.rounds import (
     of_illuminance,
     toward,
 )
+from drcmitsuba.glare_year.state_doubts import StateDoubts
+from drcmitsuba.metrics.intervals.facade_draws import DrawnStates
+from drcmitsuba.metrics.intervals.rules import DRAWS
 from drcmitsuba.runtime import time_limit
 from drcmitsuba.runtime.progress import silent
 
@@ -96,6 +100,25 @@ def test_the_half_width_is_countable_where_one_hour_is_in_doubt():
     assert not of_glare(year, Target(2.6, "point of glare hours")).wanting.any()
 
 
+def test_an_interval_has_the_hours_whose_state_is_in_doubt():
+    """In hour 5 of 20 the shade is open in a third of the draws, and then the eye is dazzled."""
+    dgp = np.full((2, 20, 1), 0.3)
+    drawn = np.zeros((2, DRAWS), int)
+    drawn[0, ::3] = 1
+    drawn[1, 1] = 1  # where the other state dazzles no more than the one applied
+    other = np.full((4, 1, 2, 1), 0.3, np.float32)
+    other[:, 0, 0] = 0.5
+    year = made(dgp, np.zeros((2, 20, 1)))
+    in_doubt = replace(year, doubts=StateDoubts(np.array([5, 9]), drawn, other))
+    assert year.interval(0.40)["high"].values.max() == 0
+    shares = in_doubt.interval(0.40)
+    assert shares["high"].values[:, 0].tolist() == [0, 5]
+    assert shares["value"].values.max() == 0
+    chance = in_doubt.classes()["probability"]
+    assert chance.sel(state="b", view="eye").values.tolist() == [1, 0, 0, 0]  # 5 % may exceed it
+    assert not in_doubt.in_doubt.any()  # no further sample of DGP narrows it
+
+
 def test_hours_in_doubt_of_the_applied_shade_are_simulated_in_their_state(monkeypatch):
     index, begun = np.arange(4) % 2, []
 
@@ -107,14 +130,16 @@ def test_hours_in_doubt_of_the_applied_shade_are_simulated_in_their_state(monkey
     monkeypatch.setattr(rounds, "at_eyes", at_eyes)
     case = SimpleNamespace(accuracy=Accuracy())
     looking = SimpleNamespace(take=lambda views: views)
-    sampler = StateSampler(case, None, looking, None, Run(0), ("a", "b"), index)
+    other = DrawnStates(np.array([1, 3]), np.zeros((1, 4), int), np.ones((2, DRAWS), int))
+    sampler = StateSampler(case, None, looking, None, Run(0), ("a", "b"), index, other)
     assert sampler.states == ("a", "b", "applied")
     before = [samples(4, 1), samples(4, 1)]
     wanting = np.zeros((3, 4, 1), bool)
     wanting[0, 0] = wanting[2, [2, 3]] = True
-    *_, after = sampler.more([*before, by_hour(before, index)], wanting, 1, False)
+    *_, after, in_draws = sampler.more([*before, by_hour(before, index)], wanting, 1, False)
     assert begun == [("a", [0, 2]), ("b", [3])]
     assert after.rounds[:, 0].tolist() == [2, 1, 2, 2]
+    assert in_draws.rounds[:, 0].tolist() == [2, 1, 2, 1]  # those of state a
     np.testing.assert_allclose(after.illuminance[:, 3], (before[1].illuminance[:, 3] + 1) / 2)
 
 
