@@ -11,6 +11,7 @@ import pytest
 from nbclient import NotebookClient
 
 from tests import ROOT
+from tests.fast import slowly
 
 FOLDER = ROOT / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
@@ -102,7 +103,7 @@ def executed(tmp_path, monkeypatch):
     return executed
 
 
-@pytest.mark.parametrize("number", SHORTER)
+@pytest.mark.parametrize("number", slowly([*SHORTER], "09"))
 def test_a_shorter_notebook_runs(number, executed):
     (path,) = FOLDER.glob(f"{number}_*.ipynb")
     check(executed(path, SHORTER[number]))

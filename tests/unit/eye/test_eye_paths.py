@@ -18,6 +18,7 @@ from drcmitsuba.model.materials import (
 from drcmitsuba.scene.geometry import Surface, quad
 from drcmitsuba.scene.scene import build
 from tests import ROOT
+from tests.fast import slowly
 
 EAST, NORTH, UP = np.eye(3)
 EYE = np.array([0.0, 0.0, 1.0])
@@ -92,7 +93,7 @@ SCENES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", slowly([*SCENES], "two panes that mirror"))
 def test_all_ways_and_drawn_ones_show_the_same(name):
     both = [through(SCENES[name], ways) for ways in (0.0, DRAWN)]
     each = np.array([
