@@ -16,7 +16,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import shortened
 from drcmitsuba.scene.fills import clear_panes
 from drcmitsuba.scene.materials import shade_covers
-from drcmitsuba.scene.pane_groups import Member, PaneGroups
+from drcmitsuba.scene.pane_groups import Member, PaneGroups, facade_name
 from drcmitsuba.scene.prepared_case import prepared
 
 
@@ -146,10 +146,10 @@ def _table(first: np.ndarray, fills: tuple[int, ...]) -> np.ndarray:
 
 
 def _of_shade(case: Case, panes: PaneGroups, first: Mapping[int, np.ndarray]) -> list[MovingGroup]:
-    """Openings whose clear parts the shade covers, facing by facing."""
+    """Openings whose clear parts the shade covers, façade by façade."""
     if case.shading is None:
         return []
-    by_facing: dict[str, list[tuple[int, np.ndarray]]] = {}
+    by_facade: dict[str, list[tuple[int, np.ndarray]]] = {}
     clear_as_drawn = clear_panes(case, panes)
     for g, row in first.items():
         clear = np.array([clear_as_drawn[g], *map(shade_covers, panes.materials[g])])
@@ -161,13 +161,16 @@ def _of_shade(case: Case, panes: PaneGroups, first: Mapping[int, np.ndarray]) ->
             raise InputError("drawn", panes.states.names[g], got, "name it among its fills")
         closed = np.where(clear, 0, row)
         closed[fills.index(shade)] += row[clear].sum()
+        by_space = case.shading.by_space and panes.spaces
+        space = next(iter(panes.spaces[g]), "") if by_space else ""
         for facing in panes.facings[g][:1]:
-            by_facing.setdefault(facing, []).append((g, np.stack([row, closed])))
-    if len(by_facing) < 2 or case.shading.groups == "together":
-        parts = tuple(part for of_facing in by_facing.values() for part in of_facing)
+            name = facade_name(space, facing)
+            by_facade.setdefault(name, []).append((g, np.stack([row, closed])))
+    if case.shading.groups == "together" or (len(by_facade) < 2 and not any(panes.spaces)):
+        parts = tuple(part for of_facade in by_facade.values() for part in of_facade)
         shade_of_all = GroupStates.of_shade()
         return [MovingGroup(shade_of_all.names[0], shade_of_all.states[0], parts)] if parts else []
-    return [MovingGroup(name, (OPEN, SHADED), tuple(p)) for name, p in by_facing.items()]
+    return [MovingGroup(name, (OPEN, SHADED), tuple(p)) for name, p in by_facade.items()]
 
 
 def _hours(opening: str, mixtures: Mixtures, time: xr.DataArray) -> np.ndarray:

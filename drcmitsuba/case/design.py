@@ -20,7 +20,7 @@ OF_TILT = ("tilt", "tilt_step")
 """Keys that only the search for a tilt has."""
 OF_BOTH = ("objective", "ase_limit", "sharpness")
 """Keys that both searches have; all others belong to the search for a façade."""
-OF_MODELS = ("panes", "spaces", "walls")
+OF_MODELS = ("panes", "groups", "spaces", "walls")
 """Keys by which a search means parts of a model."""
 OF_WALLS = ("spaces", "walls", "clear", "band", "rows", "row_height", "segments", "wwr")
 """Keys by which the outer walls of a model are cut into tiles, which may become windows."""
@@ -45,6 +45,9 @@ class Design(Table):
     panes: Annotated[tuple[Name, ...], Field(max_length=1000)] = ()
     """Names of the materials of a model's panes that may take the film; `*` stands for any text. By
     default all clear panes, and none where walls get windows."""
+    groups: Annotated[tuple[Name, ...], Field(max_length=1000)] = ()
+    """Names of [groups] of a model whose panes may take the film; by default any, and panes of
+    none."""
     spaces: Annotated[tuple[Name, ...], Field(max_length=10_000)] = ()
     """Names of a model's spaces whose outer walls may get windows; `*` stands for any text. By
     default all spaces."""

@@ -47,6 +47,9 @@ class Group(Table):
     own group of this name, with the states that the model gives them."""
     facing: Direction | None = None
     """Direction that the outer sides of the panes face; by default any."""
+    spaces: Annotated[tuple[Name, ...], Field(max_length=10_000)] = ()
+    """Names of a model's spaces in which the panes stand; `*` stands for any text. By default in
+    any. The rule of [shading] closes such a group by the sun on sensors of these spaces alone."""
     states: Annotated[tuple[Name, ...], Field(max_length=100)] = ()
     """Materials that the panes take, one for each further state; in the first state, `open`, they
     have their own. By default the material of [shading]."""

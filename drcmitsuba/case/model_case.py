@@ -122,6 +122,7 @@ def case_text(file: Path, folder: Path, building: Model, sensors: AnySensors) ->
         "# transmittance = 0.05",
         "# [shading]                          # closed, it stands in place of the clear panes",
         '# material = "shade"',
+        *(['# groups = "spaces"                  # each by its own sun'] * bool(building.spaces)),
     ]
     return "\n".join(lines) + "\n"
 

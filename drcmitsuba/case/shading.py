@@ -24,9 +24,14 @@ class Shading(Table):
     """Direct sun from which on a point needs the shade [lx]."""
     area: Fraction = AREA
     """Fraction of points [–]; the shade closes where at least this fraction of a grid needs it."""
-    groups: Literal["facing", "together"] = "facing"
-    """Panes that close together, where there is no [groups]: those that face the same direction,
-    or all of them."""
+    groups: Literal["facing", "spaces", "together"] = "facing"
+    """Panes that close together, where there is no [groups]: those that face the same direction;
+    those of one space that do, by the sun on its sensors alone; or all of them."""
+
+    @property
+    def by_space(self) -> bool:
+        """Whether the shade of every space closes by itself."""
+        return self.groups == "spaces"
 
     def check(self, materials: Mapping[str, Material]) -> None:
         """Raise InputError for a material that is unknown, or neither a diffuser nor a bsdf."""

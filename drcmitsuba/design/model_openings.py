@@ -34,8 +34,8 @@ from drcmitsuba.model.model import areas
 from drcmitsuba.plan import notes, plan
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage
-from drcmitsuba.runtime.toml import shortened
-from drcmitsuba.scene.like_panes import LikePanes, like_panes
+from drcmitsuba.runtime.toml import choose, shortened
+from drcmitsuba.scene.like_panes import NO_GROUP, LikePanes, like_panes
 from drcmitsuba.scene.pane_groups import further_materials
 from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.prepared_case import prepared
@@ -69,7 +69,7 @@ class SearchedOpenings:
         """Panes of some names, as from `meant_panes`."""
         every = tuple(like_panes(case))
         searched = tuple(g for g, panes in enumerate(every) if str(panes) in names)
-        covered = with_fill(case, film, {every[g].name: "" for g in searched})
+        covered = with_fill(case, film, [every[g].name for g in searched])
         facades = SharedFacades.of([case, case, covered])
         return cls((case, case, covered), film, CLEAR, every, searched, facades)
 
@@ -81,14 +81,14 @@ class SearchedOpenings:
         that of new windows.
         """
         clear, walls = clear_of(case, design), tiled_walls(case, design)
-        names = meant_panes(case, design) if design.panes else ()
+        names = meant_panes(case, design) if design.panes or design.groups else ()
         panes = {panes.layer: panes for panes in like_panes(walls.case)}
-        old = {panes.name: "" for panes in like_panes(case) if str(panes) in names}
+        old = [panes.name for panes in like_panes(case) if str(panes) in names]
         if clear in old:
             got = f"{shortened(clear)} is a material of the panes that are searched, too"
             raise InputError(case.source, "design.clear", got, "give new windows another one")
-        tiles = {walls.case.building.layers[i].name: panes[i].facing for i in walls.layers}
-        glazed, covered = (with_fill(walls.case, name, tiles) for name in (clear, film))
+        tiles = {walls.case.building.layers[i].name: panes[i] for i in walls.layers}
+        glazed, covered = (with_fill(walls.case, name, tiles, tiles) for name in (clear, film))
         covered = with_fill(covered, film, old)
         every = tuple(like_panes(glazed))
         at = {panes.layer: g for g, panes in enumerate(every)}
@@ -275,6 +275,10 @@ def meant_panes(case: Case, design: Design) -> tuple[str, ...]:
     InputError
         There are none.
     """
+    for name in design.groups:
+        if name not in case.groups:
+            got = f"there is no group {shortened(name)}"
+            raise InputError(case.source, "design.groups", got, choose(name, list(case.groups)))
     every = tuple(like_panes(case))
     meant = tuple(
         str(panes)
@@ -282,9 +286,18 @@ def meant_panes(case: Case, design: Design) -> tuple[str, ...]:
         if panes.clear
         and design.side in (None, panes.facing)
         and (not design.panes or any(fnmatchcase(panes.name, p) for p in design.panes))
+        and (not design.groups or _group(case, panes) in design.groups)
     )
     if not meant:
         known = ", ".join(map(str, every)) or "there are none"
         got, remedy = "no clear pane is meant", f"name some of the panes: {known}"
         raise InputError(case.source, "design.panes", got, remedy)
     return meant
+
+
+def _group(case: Case, panes: LikePanes) -> str:
+    """Name of the group of `[groups]` that panes belong to, "" for none."""
+    assert panes.quads is not None
+    groups = prepared(case).groups
+    number = int(groups.of_quads[panes.layer][panes.quads[0]])
+    return groups.states.names[number] if case.groups and number != NO_GROUP else ""

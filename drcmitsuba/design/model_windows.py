@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +20,7 @@ from drcmitsuba.design.realise import pieces_of
 from drcmitsuba.model.materials import GlazingMaterial
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import choose, named_of_kind, shortened
+from drcmitsuba.scene.like_panes import LikePanes
 from drcmitsuba.scene.pane_groups import group_of
 from drcmitsuba.scene.tiled_walls import TiledWalls, WallPane
 
@@ -59,16 +60,18 @@ def tiled_walls(case: Case, design: Design) -> TiledWalls:
     return TiledWalls.of(case, design, design.rows or ROWS, design.segments or 1)
 
 
-def with_fill(case: Case, material: str, panes: Mapping[str, str]) -> Case:
-    """Case with a material in the panes of some names, which face the directions given.
+def with_fill(
+    case: Case, material: str, panes: Iterable[str], tiles: Mapping[str, LikePanes] | None = None
+) -> Case:
+    """Case with a material in the panes of some names.
 
-    Tiles join the group of `[groups]` that names the material; an empty direction leaves panes in
+    `tiles` of those names join the group of `[groups]` that names the material; other panes stay in
     their own.
     """
     materials = {**case.materials, **dict.fromkeys(panes, case.materials[material])}
     groups, names = dict(case.groups), list(case.groups)
-    for pane, facing in panes.items():
-        if facing and (member := group_of(case, material, facing)) is not None:
+    for pane, tile in ({} if tiles is None else tiles).items():
+        if (member := group_of(case, material, tile.facing, tile.space)) is not None:
             name = names[member[0]]
             group = groups[name]
             groups[name] = group.model_copy(update={"panes": (*group.panes, pane)})

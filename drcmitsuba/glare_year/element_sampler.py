@@ -15,7 +15,7 @@ from drcmitsuba.case.groups import OPEN, State
 from drcmitsuba.glare_year.by_element import ElementTracing, EyeIlluminance
 from drcmitsuba.glare_year.eye_samples import EyeSamples
 from drcmitsuba.glare_year.eyes import Eyes
-from drcmitsuba.glare_year.facades import Facades
+from drcmitsuba.glare_year.facades import FacadeShares
 from drcmitsuba.glare_year.place import SeenPlace
 from drcmitsuba.glare_year.rule import Rule
 from drcmitsuba.metrics.intervals.facade_draws import DrawnStates
@@ -110,7 +110,7 @@ class ElementSampler:
     """Simulation of the eyes of a case by element, in some façades: a `rounds.Sampler`."""
 
     tracing: ElementTracing
-    facades: Facades
+    facades: FacadeShares
     looking: Eyes
     rule: Rule
     again: list[float] = field(default_factory=list)

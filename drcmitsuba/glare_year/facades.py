@@ -26,7 +26,7 @@ from drcmitsuba.transport.elements import LightByElement
 
 
 @dataclass(frozen=True, eq=False)
-class Facades:
+class FacadeShares:
     """Shares of openings and fills in some façades."""
 
     shares: Mapping[State, np.ndarray]
@@ -57,7 +57,7 @@ class FacadesOfCase:
         """Names of the fills by opening; the first one is what the case draws there."""
         return names_of(self.case, self.panes)
 
-    def of(self, choice: Choice) -> Facades:
+    def of(self, choice: Choice) -> FacadeShares:
         """Façades with a choice of fills: see `glare_by_element.GlareElements.evaluate`."""
         time = self.light.sky["time"]
         marked = attributes(self.case, self.light, self.run.enabled_effects)
@@ -69,10 +69,10 @@ class FacadesOfCase:
             for row in moving.in_step:
                 out.setdefault(moving.label(row), facade.shares(np.tile(row, (stamps, 1))))
         if not facade.moving.groups:
-            return Facades(out)
+            return FacadeShares(out)
         if choice and all(group.by_hour is not None for group in facade.moving.groups):
             out[APPLIED] = facade.shares(facade.moving.schedule.indices(time))
-            return Facades(out)
+            return FacadeShares(out)
         groups = moving if choice else prepared(self.case).groups.states
         applied = self._applied(facade) if choice else self._as_case()
         own = [groups.names.index(group.name) for group in facade.moving.groups]
@@ -82,7 +82,7 @@ class FacadesOfCase:
             facade.shares(np.array([groups.indices(states[k]) for k in index])[:, own])
             for index in drawn.others
         ]
-        return Facades(out, tuple(others), drawn)
+        return FacadeShares(out, tuple(others), drawn)
 
     def _as_case(self) -> AppliedStates:
         """State of every group without a choice, as an evaluation has it."""

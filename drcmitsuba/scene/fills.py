@@ -96,6 +96,10 @@ def _apart(case: Case, own: PaneGroups) -> PaneGroups:
         *assigned_to(case, every),
         (*(own.facings[g] for g in named), *((panes.facing,) for panes in rest)),
         (*(own.materials[g] for g in named), *((),) * len(rest)),
+        spaces=(
+            *(own.spaces[g] if own.spaces else () for g in named),
+            *((panes.space,) if panes.space else () for panes in rest),
+        ),
     )
 
 

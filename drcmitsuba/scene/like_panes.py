@@ -1,4 +1,7 @@
-"""Panes of a case by material and direction: the least that a group of panes may hold."""
+"""Panes of a case by material and direction: the least that a group of panes may hold.
+
+Where groups close space by space, panes of a model are told apart by their spaces, too.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.scene.panes_of_model import panes_of_model
+from drcmitsuba.model.space import space_at
+from drcmitsuba.scene.panes_of_model import ModelPanes, panes_of_model
+from drcmitsuba.scene.spaces import spaces_of
 
 NO_GROUP = -1
+INSIDE = (0.1, 0.3, 0.6, 1.0)
+"""Distances from a pane at which its space is looked for: it may lie in a deep wall [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,9 +33,11 @@ class LikePanes:
     """Index of a model's layer."""
     quads: np.ndarray | None = None
     """Indices of their quads in the layer, int, shape (quad,)."""
+    space: str = ""
+    """Name of the space in which they stand, where that is asked for; "" for none."""
 
     def __str__(self) -> str:
-        return f"{self.name} ({self.facing})"
+        return f"{self.name} ({self.facing}{', ' * bool(self.space)}{self.space})"
 
 
 def like_panes(case: Case) -> Iterator[LikePanes]:
@@ -38,15 +47,35 @@ def like_panes(case: Case) -> Iterator[LikePanes]:
             if name != "wall" and name not in case.components:
                 yield LikePanes(name, side, case.is_clear(name), strip=(name, side))
     panes = panes_of_model(case.building)
-    facings = np.array(panes.facing, object)
+    facings, spaces = np.array(panes.facing, object), _spaces(case, panes)
     for i in np.unique(panes.layer[panes.outside]).tolist():
         layer = case.building.layers[i]
         mine = panes.outside & (panes.layer == i)
-        for facing in dict.fromkeys(facings[mine]):
-            polygons = panes.polygon[mine & (facings == facing)]
+        for facing, space in dict.fromkeys(zip(facings[mine], spaces[mine], strict=True)):
+            polygons = panes.polygon[mine & (facings == facing) & (spaces == space)]
             quads = np.flatnonzero(np.isin(layer.polygon, polygons))
             clear = case.is_clear(layer.name)
-            yield LikePanes(layer.name, facing, clear, layer=i, quads=quads)
+            yield LikePanes(layer.name, facing, clear, layer=i, quads=quads, space=space)
+
+
+def tells_spaces(case: Case) -> bool:
+    """Whether groups of panes close space by space."""
+    by_shade = case.shading is not None and case.shading.by_space and not case.groups
+    return by_shade or any(group.spaces for group in case.groups.values())
+
+
+def _spaces(case: Case, panes: ModelPanes) -> np.ndarray:
+    """Name of the space that each polygon of panes stands in, "" for none, shape (polygon,)."""
+    names = np.full(len(panes.layer), "", object)
+    if not tells_spaces(case):
+        return names
+    spaces = spaces_of(case)
+    for depth in INSIDE:
+        nameless = np.flatnonzero(names == "")
+        points = panes.frame[nameless].mean(axis=1) + depth * panes.front[nameless]
+        at = space_at(spaces, points)
+        names[nameless[at >= 0]] = [spaces[k].name for k in at[at >= 0]]
+    return names
 
 
 def of_no_group(case: Case) -> tuple[np.ndarray, ...]:

@@ -7,7 +7,7 @@ groups by the direction that they face, as LM-83 closes the shades of each faça
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 
 import numpy as np
@@ -80,6 +80,9 @@ class PaneGroups:
     """Materials of tiles in their first state; empty for panes, which have their own."""
     sides: Mapping[Side, TiledSide] = field(default_factory=dict)
     """Sides that are cut into tiles, in place of the strips of the case."""
+    spaces: tuple[tuple[str, ...], ...] = ()
+    """Spaces by whose sensors alone the rule of the shade closes each group, () for any; empty
+    where none is asked for."""
 
     @classmethod
     def of(cls, case: Case) -> PaneGroups:
@@ -152,16 +155,28 @@ class PaneGroups:
         return layer.states[min(index, len(layer.states) - 1)].material
 
 
-def group_of(case: Case, material: str, facing: str) -> tuple[int, tuple[str, ...]] | None:
+def group_of(
+    case: Case, material: str, facing: str, space: str = ""
+) -> tuple[int, tuple[str, ...]] | None:
     """Group of `[groups]` that panes of a material would belong to, and its further materials.
 
     Panes of no group give None.
     """
     for number, group in enumerate(case.groups.values()):
         named = any(fnmatchcase(material, pattern) for pattern in group.panes)
-        if named and group.facing in (None, facing):
+        if named and group.facing in (None, facing) and _in_spaces(group, space):
             return number, further_materials(case, group)
     return None
+
+
+def _in_spaces(group: Group, space: str) -> bool:
+    """Whether a group means panes of a space."""
+    return not group.spaces or any(fnmatchcase(space, pattern) for pattern in group.spaces)
+
+
+def facade_name(space: str, facing: str) -> str:
+    """Name of the group of panes of a space that face a direction."""
+    return f"{space.replace('/', '-')} {facing}".strip()
 
 
 def further_materials(case: Case, group: Group) -> tuple[str, ...]:
@@ -174,24 +189,26 @@ def _by_facing(case: Case) -> PaneGroups:
     assert case.shading is not None
     every = list(like_panes(case))
     clear = [pane for pane in every if pane.clear]
-    facings = list(dict.fromkeys(pane.facing for pane in clear))
+    facades = list(dict.fromkeys((pane.space, pane.facing) for pane in clear))
     shade = (case.materials[case.shading.material],)
-    if len(facings) < 2 or case.shading.groups == "together":
-        states, numbers = GroupStates.of_shade(), [0] * len(clear)
-    else:
-        states = GroupStates(tuple(facings), ((OPEN, SHADED),) * len(facings))
-        numbers = [facings.index(pane.facing) for pane in clear]
-    assigned = list(zip(clear, numbers, strict=True))
-    if len(states) == 1:
-        return PaneGroups(states, *assigned_to(case, assigned), (tuple(facings),), (shade,))
-    each = tuple((facing,) for facing in facings)
-    return _with_others(case, every, assigned, states, each, (shade,) * len(states))
+    if case.shading.groups == "together" or (len(facades) < 2 and not any(s for s, _ in facades)):
+        facings = tuple(dict.fromkeys(facing for _, facing in facades))
+        assigned = [(pane, 0) for pane in clear]
+        return PaneGroups(
+            GroupStates.of_shade(), *assigned_to(case, assigned), (facings,), (shade,)
+        )
+    count, names = len(facades), tuple(facade_name(*each) for each in facades)
+    states = GroupStates(names, ((OPEN, SHADED),) * count)
+    assigned = [(pane, facades.index((pane.space, pane.facing))) for pane in clear]
+    each = tuple((facing,) for _, facing in facades)
+    groups = _with_others(case, every, assigned, states, each, (shade,) * count)
+    return replace(groups, spaces=tuple((space,) if space else () for space, _ in facades))
 
 
 def _by_table(case: Case) -> PaneGroups:
     """Groups of `[groups]`."""
     every, taken = list(like_panes(case)), dict[LikePanes, str]()
-    assigned, facings, states, materials = [], [], [], []
+    assigned, facings, spaces, states, materials = [], [], [], [], []
     for number, name in enumerate(case.groups):
         mine = _meant(case, name, every)
         for some in mine:
@@ -202,10 +219,13 @@ def _by_table(case: Case) -> PaneGroups:
             assigned.append((some, number))
         names, of_states = _further_states(case, name, mine)
         facings.append(tuple(dict.fromkeys(some.facing for some in mine)))
+        own = dict.fromkeys(some.space for some in mine if some.space)
+        spaces.append(tuple(own) if case.groups[name].spaces else ())
         states.append((OPEN, *_told_apart(names)))
         materials.append(of_states)
     groups = GroupStates(tuple(case.groups), tuple(states))
-    return _with_others(case, every, assigned, groups, tuple(facings), tuple(materials))
+    of_all = _with_others(case, every, assigned, groups, tuple(facings), tuple(materials))
+    return replace(of_all, spaces=tuple(spaces))
 
 
 def _meant(case: Case, name: str, every: list[LikePanes]) -> list[LikePanes]:
@@ -217,7 +237,7 @@ def _meant(case: Case, name: str, every: list[LikePanes]) -> list[LikePanes]:
     else:
         mine = [p for p in every if p.layer >= 0 and layers[p.layer].group == name]
         got = f"no group {shortened(name)} of panes to the outside in the model"
-    mine = [panes for panes in mine if group.facing in (None, panes.facing)]
+    mine = [p for p in mine if group.facing in (None, p.facing) and _in_spaces(group, p.space)]
     if not mine and not group.panes and any(layer.group == name for layer in layers):
         if group.schedule is None or group.states:  # a shelf, the ground, or a tree
             got = "no pane to the outside, by which the sun could close it"

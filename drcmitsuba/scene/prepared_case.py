@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import mitsuba as mi
@@ -13,6 +13,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.model.model import View
 from drcmitsuba.model.space import Space, space_at
 from drcmitsuba.scene.geometry import origin, rotation
+from drcmitsuba.scene.like_panes import tells_spaces
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.sensors import (
     PlacedSensors,
@@ -90,8 +91,15 @@ class PreparedCase:
 
     @cached_property
     def spaces(self) -> tuple[Space, ...]:
-        """Rooms of the building by name, see `spaces.spaces_of`."""
-        return spaces_of(self.case)
+        """Rooms of the building by name, see `spaces.spaces_of`, with the groups of their panes."""
+        spaces, groups = spaces_of(self.case), dict[str, list[str]]()
+        if not tells_spaces(self.case):
+            return spaces
+        for group, own in zip(self.groups.states.names, self.groups.spaces, strict=False):
+            for space in own:
+                groups.setdefault(space, []).append(group)
+        named = ((s, (*s.groups, *groups.get(s.name, ()))) for s in spaces)
+        return tuple(replace(space, groups=(*dict.fromkeys(every),)) for space, every in named)
 
     def rooms_of(self, points: np.ndarray) -> np.ndarray | None:
         """Space of points (point, 3) in the frame of the receivers: its index, −1 for none.

@@ -96,6 +96,7 @@ def _of_models(cases: Sequence[Case]) -> SharedFacades:
     panes = PaneGroups(
         states, *assigned, tuple((panes.facing,) for panes in every),
         tuple(tuple(of.values())[1:] for of in kinds),
+        spaces=tuple((panes.space,) if panes.space else () for panes in every),
     )  # fmt: skip
     known = [[*of.values()] for of in kinds]
     drawn, members = [], []
@@ -118,12 +119,12 @@ def _refuse_other_panes(case: Case, first: Case, every: Sequence[LikePanes]) -> 
     for group in groups_with_surfaces(case)[:1]:
         got = "its states have surfaces of their own"
         raise InputError(case.source, f"groups.{group}", got, "evaluate each case")
-    known = {(panes.layer, panes.facing) for panes in every}
+    known = {(panes.layer, panes.facing, panes.space) for panes in every}
     outside = {
         layer: sum(len(p.quads) for p in every if p.layer == layer and p.quads is not None)
-        for layer, _ in known
+        for layer, *_ in known
     }
-    if {(panes.layer, panes.facing) for panes in like_panes(case)} != known:
+    if {(panes.layer, panes.facing, panes.space) for panes in like_panes(case)} != known:
         got, remedy = "other panes than the first case's", "take its [model] and kinds of materials"
         raise InputError(case.source, "materials", got, remedy)
     both = zip(case.building.layers, first.building.layers, strict=True)

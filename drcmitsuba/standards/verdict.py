@@ -9,6 +9,7 @@ import numpy as np
 
 from drcmitsuba.case.shading import AREA, THRESHOLD
 from drcmitsuba.metrics import Interval
+from drcmitsuba.metrics.watched_groups import spaces_of_groups
 from drcmitsuba.standards.coverage import clearest_days
 from drcmitsuba.standards.deciding import Deciding, deciding
 from drcmitsuba.standards.quantities import Counted
@@ -290,6 +291,11 @@ def _conditions(standard: Standard, counted: dict[str, Counted], year: StandardY
             )
         if "schedule" in E:
             out.append("groups of panes follow a schedule, not the rule of LM-83")
+        if len(year.spaces) > 1 and not spaces_of_groups(E):
+            out.append(
+                "a shade closes in all spaces at once, by LM-83 in each by itself: "
+                'groups = "spaces" in [shading]'
+            )
     return out
 
 
