@@ -40,6 +40,8 @@ SUN, LUMINANCE = np.array(towards(50, 180)), 1e8
 GLOW = 50.0
 """Radiance of sky and ground in Radiance [W/(m² sr)]."""
 RPICT = "-u+ -ab 8 -ad 256 -as 0 -aa 0 -lw 1e-9 -dt 0 -dc 1 -st 0 -ps 1 -dj 1"
+RUNS = 4
+"""Number of pictures of `rpict` that are averaged, with one ray a pixel each."""
 EYE = PictureView("equidistant", (0.1, -1, 0.35), (0, 0, 1), (120, 120), (2.1, 3.9, 1.2))
 
 
@@ -120,7 +122,8 @@ def test_the_classroom_is_that_of_rpict_in_mean_and_by_region(tmp_path):
     case = load_case("classroom/existing")
     view = PictureView("equidistant", (-0.3, -1, 0), (0, 0, 1), (170, 170), (4.4, 6.0, 1.2))
     size, regions = 96, 6
-    there = by_rpict(surfaces_of(case), view, size, tmp_path, RPICT)
+    runs = [by_rpict(surfaces_of(case), view, size, tmp_path, RPICT) for _ in range(RUNS)]
+    there = np.mean(runs, axis=0)
     world = scene.load(case, channel=-1)
     sky, sun = np.full(146, GLOW * EFFICACY), SUN_RADIANCE * EFFICACY
     shown = luminance(
@@ -135,7 +138,8 @@ def test_the_classroom_is_that_of_rpict_in_mean_and_by_region(tmp_path):
     print(np.round(100 * ratio, 1).tolist())
     print(f"mean {shown.mean.mean():.1f}, rpict {there.mean():.1f} cd/m²")
     lit = by_region(there) > 0
-    # One ray a pixel of rpict misses or meets small sunlit spots; cells of 0.45 m are off by 0.4 %.
+    # Rays of rpict miss or meet small sunlit spots, in regions by 8 % from run to run; cells of
+    # 0.45 m are off by 0.4 %.
     assert abs(shown.mean.mean() / there.mean() - 1) < 0.02
     assert np.sqrt((ratio[lit] ** 2).mean()) < 0.03
     assert abs(ratio[lit]).max() < 0.1
