@@ -59,6 +59,13 @@ def shade_notes(case: Case) -> list[str]:
     if len(sides) < 2:
         return []
     facades = f"{', '.join(sides[:-1])} and {sides[-1]}"
+    if case.shading.by_space and any(groups.spaces):
+        return [f"shading: {facades} of each space close and open each on its own, as in LM-83"]
+    if len(groups) > 1 and len(prepared(case).spaces) > 1:
+        return [
+            f"shading: {facades} close and open each on its own, in all spaces at once; "
+            'groups = "spaces" does so in each space'
+        ]
     if len(groups) > 1:
         return [f"shading: {facades} close and open each on its own, as in LM-83"]
     return [f"shading: one shade for all clear panes; {facades} close and open together"]
