@@ -16,7 +16,7 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.symbolic import symbolic
 
-from drcmitsuba.runtime.flat_arrays import flat_indices
+from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.scene.meshes import paired_mesh
 from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 from drcmitsuba.scene.panes_in_state import GroupedPanes
@@ -75,6 +75,13 @@ class SeenOpenings:
         """Opening that rays from p along d meet first, `NO_OPENING` for none."""
         ray, far = mi.Ray3f(p, d), mi.Float(dr.inf)
         return _met(self._scene, self._of_quad, ray, far, mi.Bool(True))[0]
+
+    def at(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """Opening in whose panes points (point, 3) lie, `NO_OPENING` for none, int, (point,)."""
+        p, n = (mi.Vector3f(*map(flat, np.asarray(each).T)) for each in (points, normals))
+        near = NEAR * (1 + dr.max(dr.abs(p)))
+        ray = mi.Ray3f(mi.Point3f(p - near * n), n)
+        return np.asarray(_met(self._scene, self._of_quad, ray, near, mi.Bool(True))[0].numpy())
 
     @symbolic
     def noted(

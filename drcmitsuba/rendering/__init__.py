@@ -6,8 +6,10 @@ sky_rays, glow, caustics
     Light of the sky, of scattering panes and of components on these surfaces.
 surface_light
     Light on all surfaces of the scene, of which the rays gather.
-light_paths
-    All of a picture that does not depend on the hour.
+facade_scenes, pixel_paths, light_paths
+    All of a picture that depends neither on the hour nor on the state of the façade, by element.
+view_by_element, chosen_paths, traced_view
+    The same in a state, as a sum.
 outside, sun_on_surfaces, hour
     Sky, ground and sun of an hour, and the picture that they give.
 view_colours
@@ -25,7 +27,7 @@ frames
 """
 
 from drcmitsuba.rendering.frames import frames, render
-from drcmitsuba.rendering.light_paths import Sampling
+from drcmitsuba.rendering.pixel_paths import Sampling
 from drcmitsuba.rendering.prepared_view import PreparedView, prepare
 from drcmitsuba.rendering.rendering import Rendering
 

@@ -15,8 +15,9 @@ import xarray as xr
 from drcmitsuba_plugins.patches import Patches, patch_index
 from drcmitsuba_plugins.symbolic import symbolic
 
-from drcmitsuba.rendering.light_paths import PixelPaths, TracedView
 from drcmitsuba.rendering.surface_light import SurfaceLight
+from drcmitsuba.rendering.pixel_paths import PixelPaths
+from drcmitsuba.rendering.traced_view import TracedView
 from drcmitsuba.schema import mean_and_error
 
 ENTRIES = 1 << 23

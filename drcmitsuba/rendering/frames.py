@@ -15,7 +15,7 @@ from drcmitsuba.case.groups import APPLIED, OPEN, State
 from drcmitsuba.case.reading import load_case
 from drcmitsuba.case.weather import PeriodTable
 from drcmitsuba.plan import plan
-from drcmitsuba.rendering.light_paths import Sampling
+from drcmitsuba.rendering.pixel_paths import Sampling
 from drcmitsuba.rendering.prepared_view import COLUMNS, Size, instant_of, prepare
 from drcmitsuba.rendering.rendering import Rendering, Source
 from drcmitsuba.rendering.rounds import PictureTarget, toward

@@ -7,6 +7,7 @@ surface, is an entry of this table and a weight; the table follows from the hour
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +15,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from drcmitsuba.eye.openings import SeenOpenings
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.deposit import Deposit
@@ -46,6 +48,44 @@ class GlowTable:
     def __len__(self) -> int:
         """Count the entries."""
         return int(self.first[-1]) + (0 if self.patches is None else 2 * len(self.patches))
+
+    @property
+    def _kinds(self) -> list[tuple[str, PanePatches, np.ndarray]]:
+        """Patches of each kind of panes, and the number of entries of each patch."""
+        kinds = []
+        if self.films is not None:
+            kinds.append(("films", self.films.patches, np.diff(self.first)))
+        if self.patches is not None:
+            kinds.append(("faces", self.patches, np.full(len(self.patches), 2)))
+        return kinds
+
+    def opening_of_entries(self, openings: SeenOpenings) -> np.ndarray:
+        """Opening in which the pane of every entry stands, `NO_OPENING` for none, int, (entry,)."""
+        each = [
+            np.repeat(openings.at(patches.middle, patches.normal), entries)
+            for _, patches, entries in self._kinds
+        ]
+        return np.concatenate([np.zeros(0, int), *each])
+
+    def entries_in(self, other: GlowTable) -> np.ndarray:
+        """Entry of another table for the same patch and direction, −1 for none, int, (entry,).
+
+        There is none where another film, of other cells, stands at the place of a patch.
+        """
+        known, out = {place: (first, count) for place, first, count in other._places()}, []
+        for place, _, count in self._places():
+            first, there = known.get(place, (0, 0))
+            out.append(first + np.arange(count) if there == count else np.full(count, -1))
+        return np.concatenate([np.zeros(0, int), *out])
+
+    def _places(self) -> Iterator[tuple[tuple[Any, ...], int, int]]:
+        """Kind and middle [mm] of each patch, its first entry, and the number of its entries."""
+        first = 0
+        for kind, patches, entries in self._kinds:
+            middle = np.rint(1000 * patches.middle).astype(int).tolist()
+            for place, count in zip(middle, entries.tolist(), strict=True):
+                yield (kind, *place), first, count
+                first += count
 
     def _of_film(
         self, patch: mi.UInt32, d: mi.Vector3f, front: mi.Bool

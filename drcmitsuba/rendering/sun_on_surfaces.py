@@ -9,9 +9,10 @@ import mitsuba as mi
 from drcmitsuba_plugins.sampling import TO_UNIT, disk_solid_angle, random_bits, sample_disk
 
 from drcmitsuba.eye.mirrored_sun import seen_in_rough
-from drcmitsuba.rendering.light_paths import PixelPaths, TracedView
 from drcmitsuba.rendering.outside import OutsideLuminances
 from drcmitsuba.rendering.surface_light import Glowing
+from drcmitsuba.rendering.pixel_paths import PixelPaths
+from drcmitsuba.rendering.traced_view import TracedView
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.transport.films.peaks import peak_deposit
 from drcmitsuba.transport.rays.shadow_rays import straight

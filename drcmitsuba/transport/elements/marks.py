@@ -38,11 +38,15 @@ class OpeningMarks:
         Colour channel, −1 for luminance.
     beyond : bool
         Whether light may leave by a pane and come back.
+    deposits : bool
+        Whether light is deposited on panes that scatter, as if they sent it on evenly; else their
+        light is part of the deposit on all that they light.
     """
 
     def __init__(
-        self, panes: Sequence[GroupedPanes], first: np.ndarray, channel: int, beyond: bool
-    ) -> None:
+        self, panes: Sequence[GroupedPanes], first: np.ndarray, channel: int, beyond: bool, *,
+        deposits: bool = True,
+    ) -> None:  # fmt: skip
         quads = np.concatenate([each.quads for each in panes])
         self.mesh = paired_mesh("panes", quads)
         self.context = mi.BSDFContext()
@@ -62,7 +66,7 @@ class OpeningMarks:
         self._piece = flat_indices(piece)
         hole = {"type": "null"}
         self._bsdfs = [mi.load_dict(hole if m is None else bsdf(m, channel)) for m in kinds]
-        scatters = [isinstance(m, DiffuserMaterial | BsdfMaterial) for m in kinds]
+        scatters = [deposits and isinstance(m, DiffuserMaterial | BsdfMaterial) for m in kinds]
         self._scatters = mi.Bool(scatters)
         self._beyond = beyond
 
@@ -85,6 +89,18 @@ class OpeningMarks:
         scatters = mine & dr.gather(mi.Bool, self._scatters, kind, mine)
         mark = dr.select(mine, (mark << BITS) | element, mark)
         return chosen, mark, factor, mi.Bool(True), scatters
+
+
+def share_of(mark: mi.UInt32, shares: mi.Float) -> mi.Float:
+    """Product of the shares of the elements that paths met [–].
+
+    `shares` are those of nothing, which is 1, and of all elements, shape (1 + element,).
+    """
+    product = mi.Float(1)
+    for meeting in range(MEETINGS):
+        met = (mark >> (BITS * meeting)) & MOST_ELEMENTS
+        product *= dr.gather(mi.Float, shares, met)
+    return product
 
 
 def elements_of(mark: np.ndarray) -> np.ndarray:
