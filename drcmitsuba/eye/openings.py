@@ -71,10 +71,10 @@ class SeenOpenings:
     def _of_quad(self) -> mi.UInt32:
         return flat_indices(self.opening)
 
-    def first(self, p: mi.Point3f, d: mi.Vector3f) -> mi.Int32:
-        """Opening that rays from p along d meet first, `NO_OPENING` for none."""
+    def first(self, p: mi.Point3f, d: mi.Vector3f, active: mi.Bool | bool = True) -> mi.Int32:
+        """Opening that active rays from p along d meet first, `NO_OPENING` for none."""
         ray, far = mi.Ray3f(p, d), mi.Float(dr.inf)
-        return _met(self._scene, self._of_quad, ray, far, mi.Bool(True))[0]
+        return _met(self._scene, self._of_quad, ray, far, mi.Bool(active))[0]
 
     def at(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """Opening in whose panes points (point, 3) lie, `NO_OPENING` for none, int, (point,)."""

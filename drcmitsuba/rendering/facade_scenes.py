@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.case import Case
@@ -20,6 +21,7 @@ from drcmitsuba.eye.openings import SeenOpenings
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import Surface
+from drcmitsuba.scene.materials import lets_through
 from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_in_state import GroupedPanes, grouped_panes
@@ -44,6 +46,9 @@ class FacadeScenes:
     openings: SeenOpenings | None = None
     """Openings of several fills; None without any."""
     marks: OpeningMarks | None = None
+    letting_through: tuple[int, ...] = (0,)
+    """First fill, which stands for what passes no opening as well, and the others that let straight
+    light through some opening."""
 
     @classmethod
     def alone(cls, world: Scene) -> FacadeScenes:
@@ -73,19 +78,22 @@ class FacadeScenes:
         several = [len(fills) > 1 for fills in states.states]
         every = grouped_panes(case, effects, panes)
         mine = [_tinted(each, tint) for each in every if several[each.group]]
-        marks = OpeningMarks(
-            mine, np.array(states.starts), channel, effects.beyond, deposits=False
-        )
+        marks = OpeningMarks(mine, np.array(states.starts), channel, effects.beyond, deposits=False)
         empty = load(tuple(HIDDEN if many else 0 for many in several))
         return cls(
             tuple(map(load, states.in_step)), _inner(empty, marks, mine), load,
-            SeenOpenings.of(mine, states.starts), marks,
+            SeenOpenings.of(mine, states.starts), marks, _letting_through(mine),
         )  # fmt: skip
 
     @property
     def looks(self) -> int:
         """Number of looks at panes of a ray from a surface, in all fills."""
-        return sum(2 * (bool(each.films) + bool(each.scattering)) for each in self.fills)
+        return sum(map(looks_of, self.fills))
+
+
+def looks_of(world: Scene) -> int:
+    """Number of looks at the panes of a scene: two at films, and two at diffusing panes."""
+    return 2 * (bool(world.films) + bool(world.scattering))
 
 
 def _tinted(panes: GroupedPanes, tint: Tint) -> GroupedPanes:
@@ -94,8 +102,22 @@ def _tinted(panes: GroupedPanes, tint: Tint) -> GroupedPanes:
     return replace(panes, materials=tuple(materials))
 
 
+def _letting_through(panes: Sequence[GroupedPanes]) -> tuple[int, ...]:
+    """Fills that let straight light through the panes of some opening, and the first one."""
+    fills = {0}
+    for each in panes:
+        fills |= {k for k, m in enumerate(each.materials) if m is None or lets_through(m)}
+    return tuple(sorted(fills))
+
+
 def _inner(empty: Scene, marks: OpeningMarks, panes: Sequence[GroupedPanes]) -> Scene:
     """Scene with the panes of all openings, whose fill is left open, in their empty places."""
-    shapes = {f"shape{i}": each for i, each in enumerate((*empty.full.shapes(), marks.mesh))}
+
+    def with_panes(shapes: Sequence[mi.Shape]) -> mi.Scene:
+        return mitsuba_scene({f"shape{i}": one for i, one in enumerate((*shapes, marks.mesh))})
+
     corners = [empty.corners, *(each.quads.reshape(-1, 3) for each in panes)]
-    return empty.searched(full=mitsuba_scene(shapes), corners=np.concatenate(corners))
+    inner = empty.searched(full=with_panes(empty.full.shapes()), corners=np.concatenate(corners))
+    if empty.faces is None or empty.apart is None:
+        return inner
+    return replace(inner, faces=empty.faces, apart=with_panes(empty.apart.shapes()))

@@ -16,6 +16,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.eye.openings import SeenOpenings
+from drcmitsuba.rendering.facade_scenes import looks_of
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.deposit import Deposit
@@ -152,7 +153,7 @@ class GlowTable:
     @property
     def columns(self) -> int:
         """Number of entries that a ray of `looked` gives."""
-        return 2 * ((self.films is not None) + (self.patches is not None))
+        return looks_of(self.scene)
 
     def answer(self, lit: Deposit, seed: int) -> mi.Float:
         """BSDF of the films from the sun of a deposit into all rows of their mounts [1/sr]."""

@@ -24,7 +24,6 @@ from drcmitsuba.eye.openings import NO_OPENING
 from drcmitsuba.eye.paths import EyePaths
 from drcmitsuba.picture.view import PictureView
 from drcmitsuba.rendering.facade_scenes import FacadeScenes
-from drcmitsuba.rendering.glow import GlowTable
 from drcmitsuba.rendering.pixel_paths import PixelPaths, Sampling
 from drcmitsuba.rendering.sky_rays import SkyOpenings, SkyRays, sky_rays
 from drcmitsuba.rendering.view_by_element import ViewByElement, ViewCells
@@ -179,9 +178,7 @@ class _Tracer:
         ]
         return _joined(every), elements
 
-    def _panes(
-        self, ends: Sequence[EyeEnds]
-    ) -> tuple[mi.UInt32, mi.UInt32, mi.Float, mi.UInt32]:
+    def _panes(self, ends: Sequence[EyeEnds]) -> tuple[mi.UInt32, mi.UInt32, mi.Float, mi.UInt32]:
         """Rays that meet panes, their entries among those of all tables, weights, and elements."""
         every, elements = self._every([each.panes for each in ends])
         rays, at, weight, first = [], [], [], 0
@@ -281,7 +278,7 @@ class _Tracer:
         dr.eval(drawn.weight)
         self.drawn = self.drawn.extended(drawn, _at(cell, some), count)
         marked, mark = mi.UInt32(), mi.UInt32()
-        if self.scenes.marks is not None:
+        if met.mark is not None:
             marked = dr.compress((met.mark > 0) & (met.weight > 0))
             mark = dr.gather(mi.UInt32, met.mark, marked)
         surface = mi.UInt32() if self.once else met.row

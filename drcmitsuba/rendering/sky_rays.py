@@ -89,8 +89,9 @@ class SkyRays(NamedTuple):
     opening: mi.UInt32
     """Number from 1 of the opening that they pass, 0 for none; empty where none is told apart."""
     weight: mi.Float
-    """Irradiance [sr] by each fill in turn, 0 where nothing is seen, shape (fill · point · ray,);
-    what passes no opening counts with the first fill."""
+    """Irradiance [sr] by each of the fills that let straight light through, see `FacadeScenes`, 0
+    where nothing is seen, shape (fill · point · ray,); what passes no opening counts with the first
+    fill."""
 
 
 def sky_rays(
@@ -123,12 +124,13 @@ def sky_rays(
         to_window = dr.normalize(windows.points(place.x, place.y) - p)
         d = dr.select(index < by_cosine, d, to_window)
     cosine = dr.dot(n, d)
-    first, *others = scenes.fills
-    active, opening = (cosine > 0) & first.effects.shines(d), mi.UInt32()
+    active, opening = (cosine > 0) & scenes.inner.effects.shines(d), mi.UInt32()
     if scenes.openings is not None:
-        opening = mi.UInt32(scenes.openings.first(p, d) - NO_OPENING)
-    every = [straight(first, p, d, active)]
-    every += [straight(other, p, d, active & (opening > 0)) for other in others]
+        opening = mi.UInt32(scenes.openings.first(p, d, active) - NO_OPENING)
+    every = []
+    for fill in scenes.letting_through:
+        mine = active & (opening > 0) if fill else active
+        every.append(straight(scenes.fills[fill], p, d, mine))
     density = by_cosine * cosine * dr.inv_pi
     if by_cosine < rays:
         density += (rays - by_cosine) * windows.density(p, d)

@@ -133,7 +133,9 @@ def tiles(folder: Path) -> Iterator[PixelPaths]:
         yield _paths(part)
 
 
-def with_tiles_of(views: Sequence[ViewByElement], folders: Sequence[Path]) -> tuple[ViewByElement, ...]:
+def with_tiles_of(
+    views: Sequence[ViewByElement], folders: Sequence[Path]
+) -> tuple[ViewByElement, ...]:
     """Return views whose light paths are read from folders, once where all fit in memory."""
     files = [file for folder in folders for file in folder.rglob("*") if file.is_file()]
     if sum(file.stat().st_size for file in files) > KEPT // 2:

@@ -17,7 +17,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.rendering.glow import GlowTable
+from drcmitsuba.rendering.view_glow import ViewGlow
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
@@ -59,9 +59,9 @@ class Glowing:
     """Panes that scatter, as they glow at an instant."""
 
     whole: mi.Float
-    """Radiance of the panes' entries [cd/m²], flat (replicate, entry)."""
+    """Radiance of the panes' entries as the eye sees it [cd/m²], flat (replicate, entry)."""
     rest: mi.Float
-    """The same without the sun in the narrow peaks of films."""
+    """The same for surfaces that look at panes, without the sun in the narrow peaks of films."""
     peaks: tuple[Peaks, ...]
     """Narrow peaks of films, which surfaces look for along their directions."""
 
@@ -136,23 +136,24 @@ class SurfaceLight:
             E += _irradiance(by_sun, 1, np.array([sources.sun]))
         return E
 
-    def glow(self, glow: GlowTable, sources: HourSources, by_sun: Replicates | None) -> Glowing:
+    def glow(self, glow: ViewGlow, sources: HourSources, by_sun: Replicates | None) -> Glowing:
         """Panes as they glow under the sources."""
-        if not len(glow):
-            return Glowing(mi.Float(0), mi.Float(0), ())
-        whole, rest, peaks = [], [], tuple[Peaks, ...]()
+        if not len(glow.table):
+            none = dr.zeros(mi.Float, max(1, len(self.deposits) * len(glow)))
+            return Glowing(none, none, ())
+        table, whole, rest, peaks = glow.table, [], [], tuple[Peaks, ...]()
         for r, deposit in enumerate(self.deposits):
-            L = glow.radiance(deposit, sources.sky, 0, mi.Float())
+            L = table.radiance(deposit, sources.sky, 0, mi.Float())
             whole.append(L)
             rest.append(L)
             if by_sun is not None:
                 lit, none = by_sun.deposits[r], np.zeros(0)
                 seed = launch_seed(self.base.accuracy.seed, Stream.EYE_PANES) + 2 + r
-                answer = glow.answer(lit, seed)
-                left, peaks = glow.split(answer)
-                whole[-1] = L + glow.radiance(lit, none, sources.sun, answer)
-                rest[-1] = L + glow.radiance(lit, none, sources.sun, left)
-        return Glowing(dr.concat(whole), dr.concat(rest), peaks)
+                answer = table.answer(lit, seed)
+                left, peaks = table.split(answer)
+                whole[-1] = L + table.radiance(lit, none, sources.sun, answer)
+                rest[-1] = L + table.radiance(lit, none, sources.sun, left)
+        return Glowing(glow.of_eye(dr.concat(whole)), glow.of_surfaces(dr.concat(rest)), peaks)
 
 
 def _irradiance(light: Replicates, kind: int, L: np.ndarray) -> mi.Float:

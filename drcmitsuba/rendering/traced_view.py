@@ -1,4 +1,4 @@
-"""A view whose façade is in one state: light paths of a whole picture, and light on its surfaces."""
+"""A view whose façade is in one state, as pictures of any hour are summed from it."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from functools import cached_property
 
 from drcmitsuba.picture.view import PictureView
 from drcmitsuba.rendering.caustics import Caustics
-from drcmitsuba.rendering.glow import GlowTable
 from drcmitsuba.rendering.pixel_paths import PixelPaths, Sampling
 from drcmitsuba.rendering.surface_light import SurfaceLight
+from drcmitsuba.rendering.view_glow import ViewGlow
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.mirrors.image_suns import ImageSuns
 from drcmitsuba.transport.mirrors.sun_lobes import SunLobes
@@ -27,7 +27,7 @@ class TracedView:
     columns: int
     sampling: Sampling
     light: SurfaceLight
-    glow: GlowTable
+    glow: ViewGlow
     tiles: Callable[[], Iterator[PixelPaths]]
     """Gives the light paths of all pixels, some at a time."""
 

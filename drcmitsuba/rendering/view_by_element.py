@@ -17,7 +17,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
-import drjit as dr
 import mitsuba as mi
 import numpy as np
 
@@ -29,6 +28,7 @@ from drcmitsuba.rendering.glow import GlowTable
 from drcmitsuba.rendering.pixel_paths import PixelPaths, Sampling
 from drcmitsuba.rendering.surface_light import SurfaceLight, base_deposit
 from drcmitsuba.rendering.traced_view import TracedView
+from drcmitsuba.rendering.view_glow import GlowLayout, ViewGlow
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.transport.cells.points import CellPoints
 from drcmitsuba.transport.elements.marks import share_of
@@ -108,11 +108,14 @@ class ViewByElement:
         base = base_deposit(
             self.scenes.load(indices), self.accuracy, self.subdivision, self.diameter
         )
-        glow, transfer = GlowTable(base.scene, base.films, base.patches), cells.transfer
+        glow = ViewGlow(GlowTable(base.scene, base.films, base.patches))
+        transfer = cells.transfer
         if openings is not None:
             *first, count = openings.starts
             shares = chosen(np.array(first), np.array(indices), count)
-            paths = ChosenPaths.of(self.scenes, self.glows, glow, shares, self.sampling)
+            paths = ChosenPaths.of(self.scenes, base.scene, shares, self.sampling)
+            layout = GlowLayout.of(self.glows, glow.table, openings, paths.by_fill)
+            glow = replace(glow, layout=layout)
             tiles = partial(_chosen, tiles, paths)
             if transfer is not None:
                 of_marks = flat(np.append(1, shares))
@@ -127,8 +130,6 @@ class ViewByElement:
         return replace(self, cells=cells)
 
 
-def _chosen(
-    tiles: Callable[[], Iterator[PixelPaths]], choice: ChosenPaths
-) -> Iterator[PixelPaths]:
+def _chosen(tiles: Callable[[], Iterator[PixelPaths]], choice: ChosenPaths) -> Iterator[PixelPaths]:
     """Light paths of a state, some pixels at a time."""
     return map(choice.in_state, tiles())

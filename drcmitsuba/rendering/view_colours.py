@@ -31,8 +31,8 @@ from drcmitsuba.colour.sources import SourceSpectra, sky_temperatures
 from drcmitsuba.colour.tints import Tints
 from drcmitsuba.picture.exr_header import BT709
 from drcmitsuba.picture.picture import to_xyz
-from drcmitsuba.rendering.hour import LightParts, in_parts
 from drcmitsuba.rendering.facade_scenes import FacadeScenes, Indices
+from drcmitsuba.rendering.hour import LightParts, in_parts
 from drcmitsuba.rendering.outside import OutsideLuminances
 from drcmitsuba.rendering.pixel_paths import Sampling
 from drcmitsuba.rendering.view_by_element import ViewByElement
@@ -91,7 +91,9 @@ class ViewBands:
         stated = {"bands": list(self.bands.wavelengths), "spectra": self.tints.content}
         for band in range(len(self.bands)):
             tint = partial(self.tints.of, band)
-            yield ViewPart(f"band_{band}", scenes(-1, tint), few.rounded(REPLICATES), accuracy, stated)
+            yield ViewPart(
+                f"band_{band}", scenes(-1, tint), few.rounded(REPLICATES), accuracy, stated
+            )
 
     def under(
         self, light: Daylight, outside: OutsideLuminances

@@ -37,7 +37,7 @@ class ViewFacade:
     the one `state`."""
 
     @classmethod
-    def of(cls, case: Case, state: State, fills: Fills) -> ViewFacade:
+    def of(cls, case: Case, state: State, fills: Fills = ()) -> ViewFacade:
         """Open the façade of a case.
 
         It has the one state where nothing changes, where states change more than panes, such as a
@@ -81,12 +81,12 @@ class ViewFacade:
         """Names of the fills by opening; the first one is what the case draws there."""
         return {} if self.panes is None else names_of(self.case, self.panes)
 
-    def scenes(
-        self, channel: int, effects: EnabledEffects, tint: Tint = untinted
-    ) -> FacadeScenes:
+    def scenes(self, channel: int, effects: EnabledEffects, tint: Tint = untinted) -> FacadeScenes:
         """Scenes of the façade in a colour channel or a band."""
         if self.panes is None:
-            return FacadeScenes.alone(scene.load(self.case, self.state, channel, effects, tint=tint))
+            return FacadeScenes.alone(
+                scene.load(self.case, self.state, channel, effects, tint=tint)
+            )
         return FacadeScenes.of(self.case, self.panes, channel, effects, tint)
 
     def indices(self, state: State, choice: Choice, light: Daylight) -> Indices:
