@@ -32,6 +32,19 @@ MOST_IN_LINE = 4
 """Largest number of openings that are noted between two surfaces."""
 
 
+LEAST_AGAIN = 1e-3
+"""Share of what eyes see from which on a note tells of what lies beyond two openings [–]."""
+
+
+def note_of(again: float) -> tuple[str, ...]:
+    """Note on what eyes see beyond two openings, whose weight is a share of all that they see."""
+    if again < LEAST_AGAIN:
+        return ()
+    note = f"up to {100 * again:.1f} % of what an eye sees lies beyond two openings: the second "
+    note += "one is seen with its fill of the number that the first one has"
+    return (note,)
+
+
 @dataclass(frozen=True, eq=False)
 class SeenOpenings:
     """Panes of the openings of a case."""

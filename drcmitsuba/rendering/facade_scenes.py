@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.case import Case
@@ -22,7 +21,6 @@ from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.scene.materials import lets_through
-from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_in_state import GroupedPanes, grouped_panes
 from drcmitsuba.scene.scene import Scene, Tint, untinted
@@ -81,7 +79,7 @@ class FacadeScenes:
         marks = OpeningMarks(mine, np.array(states.starts), channel, effects.beyond, deposits=False)
         empty = load(tuple(HIDDEN if many else 0 for many in several))
         return cls(
-            tuple(map(load, states.in_step)), _inner(empty, marks, mine), load,
+            tuple(map(load, states.in_step)), marks.placed_in(empty), load,
             SeenOpenings.of(mine, states.starts), marks, _letting_through(mine),
         )  # fmt: skip
 
@@ -108,16 +106,3 @@ def _letting_through(panes: Sequence[GroupedPanes]) -> tuple[int, ...]:
     for each in panes:
         fills |= {k for k, m in enumerate(each.materials) if m is None or lets_through(m)}
     return tuple(sorted(fills))
-
-
-def _inner(empty: Scene, marks: OpeningMarks, panes: Sequence[GroupedPanes]) -> Scene:
-    """Scene with the panes of all openings, whose fill is left open, in their empty places."""
-
-    def with_panes(shapes: Sequence[mi.Shape]) -> mi.Scene:
-        return mitsuba_scene({f"shape{i}": one for i, one in enumerate((*shapes, marks.mesh))})
-
-    corners = [empty.corners, *(each.quads.reshape(-1, 3) for each in panes)]
-    inner = empty.searched(full=with_panes(empty.full.shapes()), corners=np.concatenate(corners))
-    if empty.faces is None or empty.apart is None:
-        return inner
-    return replace(inner, faces=empty.faces, apart=with_panes(empty.apart.shapes()))

@@ -107,7 +107,7 @@ def _together(
     case: Case, shown: Sequence[tuple[np.datetime64, State]]
 ) -> Iterator[Sequence[tuple[np.datetime64, State]]]:
     """Instants, each with its state, that share light paths."""
-    if ViewFacade.of(case, OPEN).panes is not None:
+    if shown and ViewFacade.of(case, OPEN).panes is not None:
         yield shown
         return
     for state in dict.fromkeys(one for _, one in shown):

@@ -98,6 +98,7 @@ class _Tracer:
         self.cells = Cells.none(self.grid)
         self.drawn = CellPoints.none(self.accuracy.replicates)
         self.seen = mi.Float64()
+        self.rays, self.again = 0, 0.0
         inside = in_rooms(self.scenes.fills[0], np.array([begun.view.position]))
         self.in_room = None if inside is None else bool(inside[0])
 
@@ -122,6 +123,7 @@ class _Tracer:
         eye = dr.opaque(mi.Point3f, list(map(float, view.view.position)))
         d, lane = dr.gather(mi.Vector3f, d, some), dr.gather(mi.UInt32, lane, some)
         slot = (lane // s) * R + lane % s // (s // R)
+        self.rays += dr.width(lane)
         inner = self.scenes.inner
         with inner.ray_counter.purpose(Stream.EYE_PATHS.name):
             ends = [each.ends(eye, d, lane, s, seed) for each in self.eyes]
@@ -157,7 +159,9 @@ class _Tracer:
         at = dr.select(ends.opening == NO_OPENING, last, mi.UInt32(ends.opening))
         element = dr.gather(mi.UInt32, table, at)
         some = dr.compress(element != NO_ELEMENT)
-        return taken(ends, some), dr.gather(mi.UInt32, element, some)
+        counted = taken(ends, some)
+        self.again += float(dr.sum(dr.select(counted.again, counted.weight, 0))[0])
+        return counted, dr.gather(mi.UInt32, element, some)
 
     def _every(self, ends: Sequence[Ends]) -> tuple[list[Ends], mi.UInt32]:
         """Ends of each fill that count, and the elements of all."""
@@ -293,7 +297,8 @@ class _Tracer:
             gathered, transfer = solved(
                 self.scenes.inner, gathered, self.accuracy, self.scenes.marks
             )
-        return ViewCells(gathered.cells.keys, gathered.drawn, transfer)
+        again = self.again / max(1, self.rays)
+        return ViewCells(gathered.cells.keys, gathered.drawn, transfer, again)
 
 
 def _counted_on(numbers: mi.UInt32, first: int) -> mi.UInt32:

@@ -16,6 +16,7 @@ from drcmitsuba.annual.choice import Choice
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, State
 from drcmitsuba.case.reading import load_case
+from drcmitsuba.eye.openings import note_of
 from drcmitsuba.picture.exr_header import BT709
 from drcmitsuba.picture.picture import MOST_PIXELS, RADIANCE, Picture
 from drcmitsuba.picture.view import PictureView, of_model
@@ -65,6 +66,11 @@ class PreparedView:
     """Light paths in every colour channel, or by luminance."""
     colours: ViewColours | None = None
     """Light paths in bands, of a case that has them."""
+
+    @property
+    def state(self) -> State:
+        """State of the façade that pictures show unless they are asked for another one."""
+        return self.facade.state
 
     @property
     def fills(self) -> dict[str, tuple[str, ...]]:
@@ -130,10 +136,11 @@ class PreparedView:
             np.ascontiguousarray(rgb), self.view, BT709 if coloured else RADIANCE,
             captured=date.replace("-", ":").replace("T", " "),
         )  # fmt: skip
-        notes = _notes(self.case, instant, light)
+        again = max(one.cells.again for one in self.channels)
+        notes = (*_notes(self.case, instant, light), *note_of(again))
         return Rendering(
             picture, error[0], disk[0], self.case.accuracy.replicates - 1, self.case.name,
-            self.name, _told_state(state, choice), instant, source, notes,
+            self.name, self.facade.told(state, choice or {}, indices), instant, source, notes,
         )  # fmt: skip
 
     @property
@@ -206,12 +213,6 @@ def _told(view: TracedView, done: Progress) -> Iterator[xr.Dataset]:
     for rows in coefficient_pictures(view):
         yield rows
         done((int(rows["row"][-1]) + 1) / view.rows)
-
-
-def _told_state(state: State, choice: Choice | None) -> str:
-    """State of a picture, and what is chosen beside it."""
-    chosen = [f"{opening}: {fill}" for opening, fill in (choice or {}).items()]
-    return ", ".join([state, *chosen]) if chosen else state
 
 
 def instant_of(text: str) -> np.datetime64:

@@ -64,7 +64,7 @@ def save_cells(cells: ViewCells, folder: Path, stated: dict[str, Any]) -> None:
     arrays: dict[str, Any] = {"keys": cells.keys}
     points = {f"drawn_{name}": getattr(cells.drawn, name) for name in DRAWN}
     arrays |= {name: values for name, values in points.items() if values is not None}
-    attributes: dict[str, int] = {}
+    attributes: dict[str, float] = {"again": cells.again}
     if cells.transfer is not None:
         blocks = cells.transfer.blocks
         arrays |= {"blocks_of": blocks.of, "blocks_share": blocks.share}
@@ -171,4 +171,5 @@ def load_cells(folder: Path, replicates: int) -> ViewCells:
             marks = tuple(array(f"marks_{r}") for r in every if f"marks_{r}" in data)
             steps, sending = (int(data.attrs[name]) for name in ("steps", "sending"))
             transfer = Transfer(blocks, tuple(bounces), steps, sending, marks)
-    return ViewCells(keys, drawn, transfer)
+        again = float(data.attrs["again"])
+    return ViewCells(keys, drawn, transfer, again)

@@ -49,6 +49,8 @@ class ViewCells:
     """Points that stand for the cells in every replicate."""
     transfer: Transfer | None
     """Light between cells, with marks; None where paths follow all bounces."""
+    again: float = 0.0
+    """Sum of the weights of what rays of the eye see beyond two openings, over their number [–]."""
 
     @classmethod
     def none(cls, replicates: int) -> ViewCells:

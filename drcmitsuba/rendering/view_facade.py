@@ -124,6 +124,12 @@ class ViewFacade:
         rows: Sequence[np.ndarray] = [shares[self._of(o)] for o in range(len(first))]
         return tuple(int(row.argmax()) for row in rows)
 
+    def told(self, state: State, choice: Choice, indices: Indices) -> str:
+        """Name of a state with what is chosen beside it, whose fills are the `indices`."""
+        of_openings = zip(self.fills.items(), indices, strict=True)
+        chosen = [f"{name} {fills[k]}" for (name, fills), k in of_openings if name in choice]
+        return ", ".join([state, *chosen])
+
     def _of(self, opening: int) -> slice:
         """Elements of an opening."""
         assert self.panes is not None
