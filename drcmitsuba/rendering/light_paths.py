@@ -160,7 +160,8 @@ class _Tracer:
         element = dr.gather(mi.UInt32, table, at)
         some = dr.compress(element != NO_ELEMENT)
         counted = taken(ends, some)
-        self.again += float(dr.sum(dr.select(counted.again, counted.weight, 0))[0])
+        if dr.width(some):
+            self.again += float(dr.sum(dr.select(counted.again, counted.weight, 0))[0])
         return counted, dr.gather(mi.UInt32, element, some)
 
     def _every(self, ends: Sequence[Ends]) -> tuple[list[Ends], mi.UInt32]:
