@@ -79,6 +79,7 @@ def frames(
     """
     if not isinstance(case, Case):
         case = load_case(case)
+    backend.select()
     goal = None if target is None else PictureTarget.parse(target, time_limit)
     instants = [instant_of(time) if isinstance(time, str) else time for time in times]
     by_time = [state] * len(instants)

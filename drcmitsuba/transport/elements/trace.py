@@ -146,7 +146,7 @@ class ElementTrace:
         label = groups.label([HIDDEN] * len(groups))
         hidden = scene.load(case, label, channel, effects, openings)
         marks = OpeningMarks(panes, np.array(groups.starts), channel, effects.beyond)
-        world = marks.placed_in(hidden)
+        world = marks.placed_in(hidden.searched())
         # What a film sends back by its lobes is followed on paths.
         is_even = not any(isinstance(m, BsdfMaterial) for each in panes for m in each.materials)
         on_cells = effects.solved_cells and is_even and draws == 1

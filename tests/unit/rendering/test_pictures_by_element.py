@@ -79,7 +79,10 @@ def films(folder):
     case = corner()
     groups = {side: {"panes": ["glass"], "facing": side, "states": ["film"]}
               for side in ("south", "east")}  # fmt: skip
-    data = case.model_dump(exclude={"effects"}) | {"materials": {"glass": GLASS, "film": film}, "groups": groups}
+    data = case.model_dump(exclude={"effects"}) | {
+        "materials": {"glass": GLASS, "film": film},
+        "groups": groups,
+    }
     return type(case).model_validate(data)
 
 
