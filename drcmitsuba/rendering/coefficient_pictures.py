@@ -81,8 +81,7 @@ def _of_cells(light: SurfaceLight) -> mi.Float:
     lit = light.sky
     if lit is None or lit.cells is None:
         return mi.Float(0)
-    D = lit.cells.sky.array
-    return D if lit.indirect is None else D + lit.indirect.sky.array
+    return light.reflected(lit.cells.sky).array
 
 
 def _slots(

@@ -103,7 +103,8 @@ class GlowTable:
 
     def seen(self, p: mi.Point3f, d: mi.Vector3f, weight: mi.Float) -> tuple[mi.UInt32, mi.Float]:
         """Entries that rays along d meet at p, and their weight; 0 where no pane glows."""
-        at, met, nearest = mi.UInt32(0), mi.Bool(False), mi.Float(2 * NEAR)
+        at, met = dr.zeros(mi.UInt32, dr.width(p)), dr.full(mi.Bool, False, dr.width(p))
+        nearest = mi.Float(2 * NEAR)
         ray = mi.Ray3f(p - NEAR * d, d, 2 * NEAR, 0, [])
         for panes in (self.films, self.patches):
             if panes is None:

@@ -1,11 +1,12 @@
 r"""Light on the surfaces of a scene: irradiance of the cells by all ways, hour by hour.
 
-Every replicate has points of its own that stand for the cells. Its irradiance of a cell is
+Every replicate has points of its own that stand for the cells. Before any diffuse reflection, the
+irradiance of a cell is
 
-.. math:: E_r = H_{r,\mathrm{sky}} L_\mathrm{sky} + H_{r,\mathrm{sun}} L_\mathrm{sun},
+.. math:: E_{0,r} = D_{r,\mathrm{sky}} L_\mathrm{sky} + D_{r,\mathrm{sun}} L_\mathrm{sun},
 
-with H = D + T·H where light between cells is solved, and H = D where paths follow all bounces. The
-sky's H is computed once; the sun's for the exact sun of an hour.
+and E = E₀ + T·E where light between cells is solved, E = E₀ where paths follow all bounces. The
+sky's D is computed once; the sun's for the exact sun of an hour.
 """
 
 from __future__ import annotations
@@ -79,7 +80,8 @@ class SurfaceLight:
     transfer: Transfer | None
     """Light between cells; None where paths follow all bounces."""
     sky: Replicates | None
-    """The sky's light in all replicates; None before it is computed."""
+    """The sky's light in all replicates, before any diffuse reflection; None before it is
+    computed."""
     photons: PhotonTracer | None = None
     """Photons to the cells; None without components."""
 
@@ -110,7 +112,7 @@ class SurfaceLight:
     def _lit(self, base: Deposit) -> Replicates:
         """Light on the cells and panes in every replicate."""
         numbers = range(base.accuracy.replicates)
-        every = Replicates(numbers, tuple(map(base.lit, numbers)), transfer=self.transfer)
+        every = Replicates(numbers, tuple(map(base.lit, numbers)))
         if self.cells:
             if self.photons is not None:
                 suns, subdivision = base.suns, base.subdivision
@@ -134,7 +136,16 @@ class SurfaceLight:
         E = _irradiance(self.sky, 0, sources.sky)
         if by_sun is not None:
             E += _irradiance(by_sun, 1, np.array([sources.sun]))
-        return E
+        return self.reflected(mi.TensorXf(E, (dr.width(E), 1))).array
+
+    def reflected(self, direct: mi.TensorXf) -> mi.TensorXf:
+        """Irradiance with the light that cells have reflected, shape (replicate · cell, bin).
+
+        `direct` is that before any diffuse reflection.
+        """
+        if self.transfer is None:
+            return direct
+        return direct + self.transfer.indirect(range(self.base.accuracy.replicates), direct)
 
     def glow(self, glow: ViewGlow, sources: HourSources, by_sun: Replicates | None) -> Glowing:
         """Panes as they glow under the sources."""
@@ -157,11 +168,10 @@ class SurfaceLight:
 
 
 def _irradiance(light: Replicates, kind: int, L: np.ndarray) -> mi.Float:
-    """E of the cells by a kind of bins (0 the sky's, 1 suns) of luminances L (bin,)."""
+    """E₀ of the cells by a kind of bins (0 the sky's, 1 suns) of luminances L (bin,)."""
     assert light.cells is not None
     column = mi.TensorXf(flat(L), (len(L), 1))
     D = light.cells[kind]
     if D.shape[1] == 0:
         return dr.zeros(mi.Float, D.shape[0])
-    E = (D @ column).array
-    return E if light.indirect is None else E + (light.indirect[kind] @ column).array
+    return (D @ column).array
