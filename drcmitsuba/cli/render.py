@@ -115,8 +115,8 @@ def render(
     from drcmitsuba.picture.screen import SRGB, Screen, parsed_white
     from drcmitsuba.rendering import Sampling, frames, prepare
     from drcmitsuba.rendering.frames import TIME_LIMIT
-    from drcmitsuba.rendering.prepared_view import instant_of
     from drcmitsuba.rendering.rendering import file_name
+    from drcmitsuba.rendering.view_of_case import instant_of
     from drcmitsuba.sky.daylight import weather_of
     from drcmitsuba.sky.period import read_timestamps
 

@@ -17,6 +17,7 @@ import numpy as np
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import HIDDEN
 from drcmitsuba.eye.openings import SeenOpenings
+from drcmitsuba.runtime.ray_counter import RayCounter
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import Surface
@@ -70,8 +71,11 @@ class FacadeScenes:
         """
         states = panes.states
 
+        counter = RayCounter()
+
         def load(indices: Indices) -> Scene:
-            return scene.load(case, states.label(indices), channel, effects, panes, tint)
+            made = scene.load(case, states.label(indices), channel, effects, panes, tint)
+            return replace(made, ray_counter=counter)
 
         several = [len(fills) > 1 for fills in states.states]
         every = grouped_panes(case, effects, panes)

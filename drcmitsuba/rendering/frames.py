@@ -16,10 +16,11 @@ from drcmitsuba.case.reading import load_case
 from drcmitsuba.case.weather import PeriodTable
 from drcmitsuba.plan import plan
 from drcmitsuba.rendering.pixel_paths import Sampling
-from drcmitsuba.rendering.prepared_view import COLUMNS, Size, instant_of, prepare
+from drcmitsuba.rendering.prepared_view import prepare
 from drcmitsuba.rendering.rendering import Rendering, Source
 from drcmitsuba.rendering.rounds import PictureTarget, toward
 from drcmitsuba.rendering.view_facade import ViewFacade
+from drcmitsuba.rendering.view_of_case import COLUMNS, Size, instant_of
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent

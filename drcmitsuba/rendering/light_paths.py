@@ -10,7 +10,7 @@ is a sum over these paths, without tracing again.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -19,16 +19,14 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.eye.ends import Ends, EyeEnds, OnWay, joined, taken
-from drcmitsuba.eye.openings import NO_OPENING
-from drcmitsuba.eye.paths import EyePaths
+from drcmitsuba.eye.ends import OnWay
 from drcmitsuba.picture.view import PictureView
+from drcmitsuba.rendering.eye_by_element import EyeByElement, ShownSurfaces, concat, counted_on
 from drcmitsuba.rendering.facade_scenes import FacadeScenes
 from drcmitsuba.rendering.pixel_paths import PixelPaths, Sampling
 from drcmitsuba.rendering.sky_rays import SkyOpenings, SkyRays, sky_rays
 from drcmitsuba.rendering.view_by_element import ViewByElement, ViewCells
 from drcmitsuba.rendering.view_rays import pixel_rays
-from drcmitsuba.runtime.flat_arrays import flat_indices
 from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.transport.cells.cells import CellGrid, Cells
@@ -43,19 +41,6 @@ LANES = 1 << 18
 """Number of rays from the eye in one launch."""
 DRAWN = 32
 """One in so many vertices may become a point that stands for its cell."""
-NO_ELEMENT = 0xFFFFFFFF
-"""In place of the number of an element: an opening without the fill of a trace."""
-
-
-class _Shown(NamedTuple):
-    """Surfaces that rays of the eye show."""
-
-    ray: mi.UInt32
-    p: mi.Vector3f
-    n: mi.Vector3f
-    weight: mi.Float
-    met: mi.UInt32
-    element: mi.UInt32
 
 
 class _Met(NamedTuple):
@@ -89,16 +74,13 @@ class _Tracer:
     def __init__(self, begun: ViewByElement):
         self.view, self.scenes, self.glows = begun, begun.scenes, begun.glows
         self.accuracy, self.sampling = begun.accuracy, begun.sampling
-        self.eyes = [
-            EyePaths.of(world, begun.diameter, self.scenes.openings) for world in self.scenes.fills
-        ]
+        self.eye = EyeByElement(self.scenes, self.glows, begun.diameter)
         inner = self.scenes.inner
         self.windows, self.once = SkyOpenings.of(inner), inner.effects.solved_cells
         self.grid = CellGrid.of(inner, self.accuracy.cell_size)
         self.cells = Cells.none(self.grid)
         self.drawn = CellPoints.none(self.accuracy.replicates)
         self.seen = mi.Float64()
-        self.rays, self.again = 0, 0.0
         inside = in_rooms(self.scenes.fills[0], np.array([begun.view.position]))
         self.in_room = None if inside is None else bool(inside[0])
 
@@ -123,97 +105,27 @@ class _Tracer:
         eye = dr.opaque(mi.Point3f, list(map(float, view.view.position)))
         d, lane = dr.gather(mi.Vector3f, d, some), dr.gather(mi.UInt32, lane, some)
         slot = (lane // s) * R + lane % s // (s // R)
-        self.rays += dr.width(lane)
-        inner = self.scenes.inner
-        with inner.ray_counter.purpose(Stream.EYE_PATHS.name):
-            ends = [each.ends(eye, d, lane, s, seed) for each in self.eyes]
+        with self.scenes.inner.ray_counter.purpose(Stream.EYE_PATHS.name):
+            seen = self.eye.seen(eye, d, lane, s, seed)
 
         def slots(ray: mi.UInt32) -> mi.UInt32:
             return dr.gather(mi.UInt32, slot, ray)
 
-        (outside, of_outside), (rough, of_rough) = self._outside(ends), self._rough(ends)
-        pane_ray, at, glows, of_panes = self._panes(ends)
-        shown = self._shown(ends)
+        outside, rough, panes, shown = seen.outside, seen.rough, seen.panes, seen.surfaces
         first, slots_here = here.start * R, (here.stop - here.start) * R
         paths = PixelPaths(
             first, slots_here,
-            slots(outside.ray), outside.d, outside.weight, outside.sun, of_outside,
+            slots(outside.ray), outside.d, outside.weight, outside.sun, seen.of_outside,
             slots(rough.ray), rough.part, mi.Vector3f(rough.front), mi.Vector3f(rough.n), rough.d,
-            rough.weight, of_rough,
-            slots(pane_ray), at, glows, of_panes,
+            rough.weight, seen.of_rough,
+            slots(panes.ray), panes.at, panes.weight, panes.element,
             slots(shown.ray), shown.p, shown.n, shown.weight, shown.element,
             *self._from_surfaces(shown, dr.gather(mi.UInt32, lane, shown.ray)),
         )  # fmt: skip
         dr.eval(paths.arrays())
         return paths
 
-    def _counted(self, ends: Ends, fill: int) -> tuple[Ends, mi.UInt32]:
-        """Ends that count in the trace of a fill, and their elements."""
-        openings = self.scenes.openings
-        if openings is None or not dr.width(ends.ray):
-            return ends, mi.UInt32()
-        numbers = openings.elements(fill) + 1
-        numbers[-1] = 0 if fill == 0 else NO_ELEMENT  # seen by none: in the first trace alone
-        table = flat_indices(np.where(numbers < 0, NO_ELEMENT, numbers))
-        last = dr.opaque(mi.UInt32, len(numbers) - 1)
-        at = dr.select(ends.opening == NO_OPENING, last, mi.UInt32(ends.opening))
-        element = dr.gather(mi.UInt32, table, at)
-        some = dr.compress(element != NO_ELEMENT)
-        counted = taken(ends, some)
-        if dr.width(some):
-            self.again += float(dr.sum(dr.select(counted.again, counted.weight, 0))[0])
-        return counted, dr.gather(mi.UInt32, element, some)
-
-    def _every(self, ends: Sequence[Ends]) -> tuple[list[Ends], mi.UInt32]:
-        """Ends of each fill that count, and the elements of all."""
-        pairs = [self._counted(each, fill) for fill, each in enumerate(ends)]
-        return [own for own, _ in pairs], _concat([element for _, element in pairs])
-
-    def _outside(self, ends: Sequence[EyeEnds]) -> tuple[Ends, mi.UInt32]:
-        every, elements = self._every([each.outside for each in ends])
-        return _joined(every), elements
-
-    def _rough(self, ends: Sequence[EyeEnds]) -> tuple[Ends, mi.UInt32]:
-        """Rough mirrors, whose parts are counted on from scene to scene."""
-        every, elements = self._every([each.rough for each in ends])
-        first = np.cumsum([0, *(len(world.parts) for world in self.scenes.fills)])
-        every = [
-            own._replace(part=_counted_on(own.part, int(start)))
-            for own, start in zip(every, first, strict=False)
-        ]
-        return _joined(every), elements
-
-    def _panes(self, ends: Sequence[EyeEnds]) -> tuple[mi.UInt32, mi.UInt32, mi.Float, mi.UInt32]:
-        """Rays that meet panes, their entries among those of all tables, weights, and elements."""
-        every, elements = self._every([each.panes for each in ends])
-        rays, at, weight, first = [], [], [], 0
-        for own, glow in zip(every, self.glows, strict=True):
-            if dr.width(own.ray):
-                entry, value = glow.seen(own.p, own.d, own.weight)
-                rays.append(own.ray)
-                at.append(_counted_on(entry, first))
-                weight.append(value)
-            first += len(glow)
-        if not rays:
-            return mi.UInt32(), mi.UInt32(), mi.Float(), mi.UInt32()
-        return _concat(rays), _concat(at), _concat(weight), elements
-
-    def _shown(self, ends: Sequence[EyeEnds]) -> _Shown:
-        """Surfaces that rays show."""
-        every, elements = self._every([each.surfaces for each in ends])
-        weight = [
-            own.weight * eye.reflected(own) if dr.width(own.ray) else own.weight
-            for own, eye in zip(every, self.eyes, strict=True)
-        ]
-        whole = _joined(every)
-        shown = _Shown(
-            whole.ray, mi.Vector3f(whole.front), mi.Vector3f(whole.n), _concat(weight), whole.met,
-            elements,
-        )  # fmt: skip
-        dr.eval(*shown)
-        return shown
-
-    def _from_surfaces(self, shown: _Shown, number: mi.UInt32) -> tuple[Any, ...]:
+    def _from_surfaces(self, shown: ShownSurfaces, number: mi.UInt32) -> tuple[Any, ...]:
         """Rays from surfaces, whose random numbers are told by their rays' `number`."""
         whole, none, inner = mi.UInt32(), mi.Float16(), self.scenes.inner
         met, sky, at, look = _Met.none(), SkyRays(whole, whole, none), whole, none
@@ -253,10 +165,10 @@ class _Tracer:
                 entry, value = glow.looked(
                     p, n, number, rays=self.sampling.panes, seed=self._seed(Stream.EYE_PANES)
                 )
-                at.append(_counted_on(entry, first))
+                at.append(counted_on(entry, first))
                 look.append(mi.Float16(value))
             first += len(glow)
-        return _concat(at), _concat(look)
+        return concat(at), concat(look)
 
     def _met(self, met: Vertices, weight: mi.Float) -> _Met:
         """Rays to cells from the vertices of gather paths, whose cells are collected."""
@@ -298,24 +210,7 @@ class _Tracer:
             gathered, transfer = solved(
                 self.scenes.inner, gathered, self.accuracy, self.scenes.marks
             )
-        again = self.again / max(1, self.rays)
-        return ViewCells(gathered.cells.keys, gathered.drawn, transfer, again)
-
-
-def _counted_on(numbers: mi.UInt32, first: int) -> mi.UInt32:
-    """Numbers that count from `first` on."""
-    return numbers + dr.opaque(mi.UInt32, first) if first and dr.width(numbers) else numbers
-
-
-def _concat(arrays: Sequence[Any]) -> Any:
-    """Arrays one after another, of which some may be empty."""
-    some = [array for array in arrays if dr.width(array)] or [arrays[0]]
-    return some[0] if len(some) == 1 else dr.concat(some)
-
-
-def _joined(every: Sequence[Ends]) -> Ends:
-    """Ends of all fills, one after another."""
-    return joined([ends for ends in every if dr.width(ends.ray)] or [every[0]])
+        return ViewCells(gathered.cells.keys, gathered.drawn, transfer, self.eye.again)
 
 
 def trace(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
@@ -18,8 +17,8 @@ from drcmitsuba.case.groups import OPEN, State
 from drcmitsuba.case.reading import load_case
 from drcmitsuba.eye.openings import note_of
 from drcmitsuba.picture.exr_header import BT709
-from drcmitsuba.picture.picture import MOST_PIXELS, RADIANCE, Picture
-from drcmitsuba.picture.view import PictureView, of_model
+from drcmitsuba.picture.picture import RADIANCE, Picture
+from drcmitsuba.picture.view import PictureView
 from drcmitsuba.plan import plan, reflected
 from drcmitsuba.rendering import stored_view
 from drcmitsuba.rendering.coefficient_pictures import coefficient_pictures
@@ -32,6 +31,14 @@ from drcmitsuba.rendering.traced_view import TracedView
 from drcmitsuba.rendering.view_by_element import ViewByElement
 from drcmitsuba.rendering.view_colours import ViewBands, ViewColours
 from drcmitsuba.rendering.view_facade import ViewFacade
+from drcmitsuba.rendering.view_of_case import (
+    COLUMNS,
+    Size,
+    in_the_scene,
+    instant_of,
+    picture_view,
+    shape_of,
+)
 from drcmitsuba.rendering.view_parts import ViewFrame, ViewPart, traced
 from drcmitsuba.runtime import backend, storage
 from drcmitsuba.runtime.errors import InputError
@@ -40,17 +47,8 @@ from drcmitsuba.runtime.provenance import program
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.fills import Fills, effects_of
-from drcmitsuba.scene.geometry import origin, rotation
-from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import Daylight, daylight, period, weather_of
-from drcmitsuba.sky.period import NOMINAL_YEAR
-
-Size = int | tuple[int, int]
-"""Number of columns, or of columns and rows, of a picture."""
-COLUMNS = 512
-"""Number of columns of a picture unless another is given."""
-_INSTANT = re.compile(r"(?:\d{4}-)?(\d\d-\d\d)[T ](\d\d:\d\d(?::\d\d)?)", re.ASCII)
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,24 +213,6 @@ def _told(view: TracedView, done: Progress) -> Iterator[xr.Dataset]:
         done((int(rows["row"][-1]) + 1) / view.rows)
 
 
-def instant_of(text: str) -> np.datetime64:
-    """Instant of the nominal year that a text names, such as "03-21 10:30".
-
-    Raises
-    ------
-    InputError
-        The text is no date and time.
-    """
-    match = _INSTANT.fullmatch(text.strip())
-    try:
-        if match:
-            return np.datetime64(f"{NOMINAL_YEAR}-{match[1]}T{match[2]}", "ns")
-    except ValueError:
-        pass
-    remedy = "give month, day and local standard time, as 03-21 10:30"
-    raise InputError("command line", "--time", repr(text), remedy)
-
-
 def _notes(case: Case, instant: np.datetime64, light: Daylight) -> tuple[str, ...]:
     """Remarks on an instant without daylight, or outside of the case's period."""
     notes, when = [], str(instant.astype("datetime64[m]"))[5:].replace("T", " ")
@@ -246,42 +226,6 @@ def _notes(case: Case, instant: np.datetime64, light: Daylight) -> tuple[str, ..
         if hour not in period(case.period).select(starts, w.step)[0]:
             notes.append(f"{when} is outside of the period of the case")
     return tuple(notes)
-
-
-def picture_view(case: Case, name: str | None) -> tuple[str, PictureView]:
-    """View of a case by its name, or its only one, in the coordinates of the case.
-
-    Raises
-    ------
-    InputError
-        There is no such view, or its place is unfit.
-    """
-    every = {view.name: view for view in prepared(case).views}
-    if not every:
-        remedy = "add a table [views.NAME] with position and direction"
-        raise InputError(case.source, "views", "none", remedy)
-    if name is None and len(every) == 1:
-        (name,) = every
-    if name is None or name not in every:
-        got = "none" if name is None else repr(name)
-        raise InputError("command line", "--view", got, f"give one of {', '.join(every)}")
-    return name, of_model(every[name])
-
-
-def shape_of(view: PictureView, size: Size) -> tuple[int, int]:
-    """Rows and columns of a picture of a size; pixels are square unless both are given.
-
-    Raises
-    ------
-    InputError
-        There are no pixels, or more than 33 million.
-    """
-    wide, high = view.half_size
-    columns, rows = (size, max(1, round(size * high / wide))) if isinstance(size, int) else size
-    if not (columns >= 1 and rows >= 1 and columns * rows <= MOST_PIXELS):
-        got = f"{columns} by {rows} pixels"
-        raise InputError("picture", "size", got, f"give 1 to {MOST_PIXELS} pixels in all")
-    return rows, columns
 
 
 def _effects(facade: ViewFacade, fills: Fills, pixels: int) -> EnabledEffects:
@@ -361,7 +305,7 @@ def prepare(
     }  # fmt: skip
     path = None if folder is None else Path(folder) / f"{_kept_name(name, facade)}_light_paths"
     frame = ViewFrame(
-        _in_the_scene(case, shown), rows, columns, case.sky.subdivision, case.outside.sun_diameter
+        in_the_scene(case, shown), rows, columns, case.sky.subdivision, case.outside.sun_diameter
     )
     parts = [
         ViewPart(
@@ -382,16 +326,3 @@ def _kept_name(view: str, facade: ViewFacade) -> str:
     """Part of a folder's name for a view, in the one state of its façade where it has one."""
     alone = facade.panes is None and facade.state != OPEN
     return file_name(f"{view}_{facade.state}" if alone else view)
-
-
-def _in_the_scene(case: Case, view: PictureView) -> PictureView:
-    """View in the frame in which the scene of a case is traced."""
-    turn = rotation(case).T
-    position = (np.array(view.position) - origin(case)) @ turn
-    direction, up = (np.array(v) @ turn for v in (view.direction, view.up))
-    return replace(view, position=_triple(position), direction=_triple(direction), up=_triple(up))
-
-
-def _triple(values: np.ndarray) -> tuple[float, float, float]:
-    x, y, z = map(float, values)
-    return x, y, z

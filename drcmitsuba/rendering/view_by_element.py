@@ -127,10 +127,6 @@ class ViewByElement:
             base.scene, self.view, self.rows, self.columns, self.sampling, light, glow, tiles
         )
 
-    def with_cells(self, cells: ViewCells) -> ViewByElement:
-        """Return the same view with its cells."""
-        return replace(self, cells=cells)
-
 
 def _chosen(tiles: Callable[[], Iterator[PixelPaths]], choice: ChosenPaths) -> Iterator[PixelPaths]:
     """Light paths of a state, some pixels at a time."""

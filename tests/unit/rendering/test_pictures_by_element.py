@@ -18,8 +18,9 @@ from drcmitsuba.rendering import Sampling, prepare
 from drcmitsuba.rendering.coefficient_pictures import coefficient_pictures
 from drcmitsuba.rendering.hour import luminance, replicates
 from drcmitsuba.rendering.light_paths import trace
-from drcmitsuba.rendering.prepared_view import _effects, _in_the_scene
+from drcmitsuba.rendering.prepared_view import _effects
 from drcmitsuba.rendering.view_facade import ViewFacade
+from drcmitsuba.rendering.view_of_case import in_the_scene
 from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.transport.elements.marks import BITS, elements_of, share_of
 from tests.model_rooms import house
@@ -95,7 +96,7 @@ def traced(facade, seed, *, fills=(), samples=256, pane_to_pane=False):
     """View of a façade, by element where it is open to choice."""
     effects = dataclasses.replace(_effects(facade, fills, SIZE**2), pane_to_pane=pane_to_pane)
     return trace(
-        facade.scenes(-1, effects), _in_the_scene(facade.case, VIEW),
+        facade.scenes(-1, effects), in_the_scene(facade.case, VIEW),
         SIZE, SIZE, sampling=Sampling(samples, paths=8, sky=8, panes=8), subdivision=1,
         diameter=0.5, accuracy=Accuracy(replicates=8, seed=seed, cell_size=0.4),
     )  # fmt: skip
@@ -210,6 +211,14 @@ def test_paths_count_with_the_shares_of_all_that_they_met():
     expected = np.append(shares, 1)[elements_of(marks)].prod(axis=1)
     product = share_of(mi.UInt32(marks), mi.Float(np.append(1, shares)))
     np.testing.assert_allclose(product.numpy(), expected, rtol=1e-6)
+
+
+def test_rays_meet_no_glow_where_no_pane_of_a_fill_scatters():
+    """One entry for all rays did not stand beside those of a fill whose panes scatter."""
+    view = traced(ViewFacade.of(corner(), "open"), 3, samples=8)
+    p, d = mi.Point3f([1.0, 2.0, 3.0], 0, 1), mi.Vector3f([0.0, 0.0, 0.0], 1, 0)
+    at, weight = view.glows[0].seen(p, d, mi.Float([1.0, 1.0, 1.0]))
+    assert at.numpy().tolist() == weight.numpy().tolist() == [0, 0, 0]
 
 
 def test_glow_tables_know_the_same_patch_by_its_place():
