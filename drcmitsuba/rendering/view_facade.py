@@ -59,9 +59,8 @@ class ViewFacade:
         if alone or not (changes or fills):
             return cls(case, state, None)
         panes = openings_of(case, fills)
-        if panes.states.starts[-1] > MOST_ELEMENTS:
-            return cls(case, state, None)
-        return cls(case, state, panes)
+        fit = any(panes.states.closable) and panes.states.starts[-1] <= MOST_ELEMENTS
+        return cls(case, state, panes if fit else None)
 
     @property
     def states(self) -> list[State]:

@@ -13,8 +13,9 @@ import pytest
 
 from drcmitsuba import InputError
 from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.schedule import HOURS
 from drcmitsuba.picture.view import PictureView
-from drcmitsuba.rendering import Sampling, prepare
+from drcmitsuba.rendering import Sampling, frames, prepare
 from drcmitsuba.rendering.coefficient_pictures import coefficient_pictures
 from drcmitsuba.rendering.hour import luminance, replicates
 from drcmitsuba.rendering.light_paths import trace
@@ -27,6 +28,7 @@ from tests.model_rooms import house
 from tests.unit.colour.rooms import box
 from tests.unit.glare_year.test_glare_of_films import klems
 from tests.unit.rendering.path_traced import LUMINANCES, Patchwise
+from tests.unit.scene.test_groups_of_models import case as shelf
 
 SUN = np.array([0.5, -0.6, 0.62]) / np.linalg.norm([0.5, -0.6, 0.62])
 NOON, SIZE, REGIONS = "03-20 12:00", 9, 3
@@ -202,7 +204,21 @@ def test_a_facade_that_is_not_by_element_has_one_state():
         alone.indices("open", {}, daylight(case))
     bare = box(views=DESK)
     assert ViewFacade.of(bare, "shaded").panes is None
-    assert ViewFacade.of(bare, "open").fills == {}
+    assert ViewFacade.of(bare, "open", {"glass (south)": []}).fills == {}
+
+
+def test_states_with_surfaces_of_their_own_are_traced_one_by_one(tmp_path):
+    """A shelf becomes brighter as its group's panes become darker: no opening tells of it."""
+    hours = HOURS // 2
+    (tmp_path / "south.csv").write_text("south\n" + "open\n" * hours + "dark\n" * hours)
+    view = "[views.desk]\nposition = [2, 2, 1.5]\ndirection = [0, -1, 0]\n"
+    case = shelf(tmp_path, f'[groups.south]\nschedule = "south.csv"\n{view}')
+    times, kind = (NOON, "09-20 12:00"), {"size": 8, "state": "applied", "folder": tmp_path / "out"}
+    shown = list(frames(case, "desk", times, **kind))
+    assert [frame.state for frame in shown] == ["open", "dark"]
+    assert 0 < shown[1].picture.luminance.mean() < 0.5 * shown[0].picture.luminance.mean()
+    names = sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert names == ["desk_dark_light_paths", "desk_light_paths"]
 
 
 def test_paths_count_with_the_shares_of_all_that_they_met():
