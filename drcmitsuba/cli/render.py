@@ -99,8 +99,11 @@ def render(
         float | None, option("SECONDS", "Time for these rounds [s]; 60 by default.")
     ] = None,
     state: Annotated[
-        str, option("NAME", "Façade: open, shaded or, as the shade is in each hour, applied.")
-    ] = "open",
+        list[str] | None,
+        option(
+            "NAME", "Façade: open, shaded or, as the shade is in each hour, applied; or several."
+        ),
+    ] = None,
     source: Annotated[
         Source, option("NAME", "Light shown: all, sky (and ground) or sun alone.")
     ] = Source.all,
@@ -108,11 +111,12 @@ def render(
     weather: Weather = None,
 ) -> None:
     """Render a view: .exr with its standard error, .hdr and .png, in cd/m²."""
-    from drcmitsuba.case.groups import APPLIED
+    from drcmitsuba.case.groups import APPLIED, OPEN
     from drcmitsuba.picture.screen import SRGB, Screen, parsed_white
     from drcmitsuba.rendering import Sampling, frames, prepare
     from drcmitsuba.rendering.frames import TIME_LIMIT
-    from drcmitsuba.rendering.prepared_view import instant_of
+    from drcmitsuba.rendering.rendering import file_name
+    from drcmitsuba.rendering.view_of_case import instant_of
     from drcmitsuba.sky.daylight import weather_of
     from drcmitsuba.sky.period import read_timestamps
 
@@ -128,8 +132,9 @@ def render(
     if bins and target is not None:
         remedy = "bins have no hour: give more --samples"
         raise InputError("command line", "--target", "given with --bins", remedy)
-    if bins and state == APPLIED:
-        got = f"--state {APPLIED} with --bins"
+    states = list(dict.fromkeys(state or [OPEN]))
+    if bins and (APPLIED in states or len(states) > 1):
+        got = f"--state {' --state '.join(states)} with --bins"
         raise InputError("command line", "--state", got, "bins have no hour: give open or shaded")
     instants = [] if time is None else [instant_of(time)]
     if times is not None:
@@ -146,26 +151,29 @@ def render(
     with stages() as stage:
         if bins:
             prepared = prepare(
-                loaded, view, size=wanted, sampling=sampling, state=state, folder=output,
+                loaded, view, size=wanted, sampling=sampling, state=states[0], folder=output,
                 stage=stage,
             )  # fmt: skip
             with stage("pictures") as done:
                 files += prepared.save_bins(output, done)
-        for rendering in frames(
-            loaded, view, instants, size=wanted, sampling=sampling, state=state, folder=output,
-            source=source.value, target=target,
-            time_limit=TIME_LIMIT if time_limit is None else time_limit, stage=stage,
-        ):  # fmt: skip
-            told = list(rendering.notes)
-            files += rendering.save(
-                output, tone.value, pixels.value, ends, screen, remark=told.append
-            )
-            notes |= dict.fromkeys(told)
-            shown[rendering.state] += 1
+        seconds = (TIME_LIMIT if time_limit is None else time_limit) / len(states)
+        for one in states:
+            for rendering in frames(
+                loaded, view, instants, size=wanted, sampling=sampling, state=one, folder=output,
+                source=source.value, target=target, time_limit=seconds, stage=stage,
+            ):  # fmt: skip
+                told = list(rendering.notes)
+                name = rendering.name + (f"_{file_name(one)}" if len(states) > 1 else "")
+                files += rendering.save(
+                    output, tone.value, pixels.value, ends, screen, remark=told.append, name=name
+                )
+                notes |= dict.fromkeys(told)
+                shown[rendering.state] += one == APPLIED
     if not bins:
         notes |= dict.fromkeys(weather_of(loaded).notes)
-    if state == APPLIED:
-        each = ", ".join(f"{name} in {count}" for name, count in shown.items())
+    if APPLIED in states:
+        each = ", ".join(f"{name} in {count}" for name, count in shown.items() if count)
         notes |= {f"façade {each} of {len(instants)} pictures": None}
     show_notes(notes)
-    print(f"{len(instants)} pictures are in {output}" if times else "\n".join(map(str, files)))
+    count = len(instants) * len(states)
+    print(f"{count} pictures are in {output}" if times else "\n".join(map(str, files)))

@@ -16,7 +16,7 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.symbolic import symbolic
 
-from drcmitsuba.runtime.flat_arrays import flat_indices
+from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.scene.meshes import paired_mesh
 from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 from drcmitsuba.scene.panes_in_state import GroupedPanes
@@ -30,6 +30,19 @@ NEAR = 2e-4
 """Distance within which a surface stands in an opening, over its distance and 1 m [–]."""
 MOST_IN_LINE = 4
 """Largest number of openings that are noted between two surfaces."""
+
+
+LEAST_AGAIN = 1e-3
+"""Share of what eyes see from which on a note tells of what lies beyond two openings [–]."""
+
+
+def note_of(again: float) -> tuple[str, ...]:
+    """Note on what eyes see beyond two openings, whose weight is a share of all that they see."""
+    if again < LEAST_AGAIN:
+        return ()
+    note = f"up to {100 * again:.1f} % of what an eye sees lies beyond two openings: the second "
+    note += "one is seen with its fill of the number that the first one has"
+    return (note,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,10 +84,17 @@ class SeenOpenings:
     def _of_quad(self) -> mi.UInt32:
         return flat_indices(self.opening)
 
-    def first(self, p: mi.Point3f, d: mi.Vector3f) -> mi.Int32:
-        """Opening that rays from p along d meet first, `NO_OPENING` for none."""
+    def first(self, p: mi.Point3f, d: mi.Vector3f, active: mi.Bool | bool = True) -> mi.Int32:
+        """Opening that active rays from p along d meet first, `NO_OPENING` for none."""
         ray, far = mi.Ray3f(p, d), mi.Float(dr.inf)
-        return _met(self._scene, self._of_quad, ray, far, mi.Bool(True))[0]
+        return _met(self._scene, self._of_quad, ray, far, mi.Bool(active))[0]
+
+    def at(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """Opening in whose panes points (point, 3) lie, `NO_OPENING` for none, int, (point,)."""
+        p, n = (mi.Vector3f(*map(flat, np.asarray(each).T)) for each in (points, normals))
+        near = NEAR * (1 + dr.max(dr.abs(p)))
+        ray = mi.Ray3f(mi.Point3f(p - near * n), n)
+        return np.asarray(_met(self._scene, self._of_quad, ray, near, mi.Bool(True))[0].numpy())
 
     @symbolic
     def noted(

@@ -12,6 +12,7 @@ import numpy as np
 from drcmitsuba.annual.run import Run
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, State
+from drcmitsuba.eye.openings import note_of
 from drcmitsuba.glare_year.by_element import ElementTracing, EyeIlluminance
 from drcmitsuba.glare_year.eye_samples import EyeSamples
 from drcmitsuba.glare_year.eyes import Eyes
@@ -22,9 +23,6 @@ from drcmitsuba.metrics.intervals.facade_draws import DrawnStates
 from drcmitsuba.runtime.progress import Progress, silent
 from drcmitsuba.runtime.random_streams import Stream, case_seed
 from drcmitsuba.sky.luminances import at_rows
-
-LEAST_AGAIN = 1e-3
-"""Share of what eyes see from which on a note tells of what lies beyond two openings [–]."""
 
 
 def samples_of(
@@ -94,15 +92,6 @@ class _Alike(NamedTuple):
         """Fill in values (façade, …, time, view) of the hours that are as before."""
         for k, j, hours in self.others:
             values[k][..., hours, :] = values[j][..., hours, :]
-
-
-def note_of(again: float) -> tuple[str, ...]:
-    """Note on what eyes see beyond two openings, whose weight is a share of all that they see."""
-    if again < LEAST_AGAIN:
-        return ()
-    note = f"up to {100 * again:.1f} % of what an eye sees lies beyond two openings: the second "
-    note += "one is seen with its fill of the number that the first one has"
-    return (note,)
 
 
 @dataclass(frozen=True, eq=False)

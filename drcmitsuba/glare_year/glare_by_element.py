@@ -18,8 +18,9 @@ from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.summed_year import Opened
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.reading import load_case
+from drcmitsuba.eye.openings import note_of
 from drcmitsuba.glare_year.by_element import ElementTracing, EyeIlluminance
-from drcmitsuba.glare_year.element_sampler import note_of, samples_of
+from drcmitsuba.glare_year.element_sampler import samples_of
 from drcmitsuba.glare_year.eyes import Eyes, eyes
 from drcmitsuba.glare_year.facades import FacadesOfCase
 from drcmitsuba.glare_year.place import SeenPlace

@@ -6,8 +6,10 @@ sky_rays, glow, caustics
     Light of the sky, of scattering panes and of components on these surfaces.
 surface_light
     Light on all surfaces of the scene, of which the rays gather.
-light_paths
-    All of a picture that does not depend on the hour.
+facade_scenes, eye_by_element, pixel_paths, light_paths
+    All of a picture that depends neither on the hour nor on the state of the façade, by element.
+view_by_element, chosen_paths, view_glow, traced_view
+    The same in a state, as a sum.
 outside, sun_on_surfaces, hour
     Sky, ground and sun of an hour, and the picture that they give.
 view_colours
@@ -16,6 +18,8 @@ coefficient_pictures
     Pictures of each sky bin.
 view_parts, stored_view
     A view traced in every channel and band; light paths on disk.
+view_of_case, view_facade
+    Views of a case; its openings, and their fills in a state or by a choice.
 rendering, prepared_view
     `prepare`: pictures with their standard error, and their files.
 rounds
@@ -25,7 +29,7 @@ frames
 """
 
 from drcmitsuba.rendering.frames import frames, render
-from drcmitsuba.rendering.light_paths import Sampling
+from drcmitsuba.rendering.pixel_paths import Sampling
 from drcmitsuba.rendering.prepared_view import PreparedView, prepare
 from drcmitsuba.rendering.rendering import Rendering
 

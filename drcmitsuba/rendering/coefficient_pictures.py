@@ -7,6 +7,7 @@ each patch has one luminance, is their sum :math:`\sum_b C_b L_b`.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -15,8 +16,9 @@ import xarray as xr
 from drcmitsuba_plugins.patches import Patches, patch_index
 from drcmitsuba_plugins.symbolic import symbolic
 
-from drcmitsuba.rendering.light_paths import PixelPaths, TracedView
+from drcmitsuba.rendering.pixel_paths import PixelPaths
 from drcmitsuba.rendering.surface_light import SurfaceLight
+from drcmitsuba.rendering.traced_view import TracedView
 from drcmitsuba.schema import mean_and_error
 
 ENTRIES = 1 << 23
@@ -40,9 +42,7 @@ def coefficient_pictures(traced: TracedView) -> Iterator[xr.Dataset]:
     subdivision, replicates = light.base.subdivision, light.base.accuracy.replicates
     assert subdivision is not None
     labels = np.array(Patches(subdivision).labels, dtype=object)
-    cells, glow = _of_cells(light), mi.Float(0)
-    if len(traced.glow):
-        glow = dr.concat([traced.glow.by_bin(one).array for one in light.deposits])
+    cells, glow = _of_cells(light), _Glow.of(traced, len(labels))
     dr.eval(cells, glow)
     for paths in traced.tiles():
         by_slot = _slots(traced, paths, cells, glow, subdivision, len(labels))
@@ -57,20 +57,38 @@ def coefficient_pictures(traced: TracedView) -> Iterator[xr.Dataset]:
         yield xr.Dataset(data, {"bin": labels, "row": first + np.arange(shape[0])})
 
 
+class _Glow(NamedTuple):
+    """Radiance of panes per radiance of the sky's bins [1], flat (replicate, entry, bin)."""
+
+    seen: mi.Float
+    """As rays of the eye see it."""
+    looked: mi.Float
+    """As surfaces get it that look at the panes."""
+
+    @classmethod
+    def of(cls, traced: TracedView, bins: int) -> _Glow:
+        """Radiance of the panes of a view."""
+        glow, deposits = traced.glow, traced.light.deposits
+        if not len(glow.table):
+            none = dr.zeros(mi.Float, max(1, len(deposits) * len(glow) * bins))
+            return cls(none, none)
+        own = dr.concat([glow.table.by_bin(one).array for one in deposits])
+        return cls(glow.of_eye(own, bins), glow.of_surfaces(own, bins))
+
+
 def _of_cells(light: SurfaceLight) -> mi.Float:
     """Irradiance of the cells per radiance of the sky's bins [sr], flat (replicate, cell, bin)."""
     lit = light.sky
     if lit is None or lit.cells is None:
         return mi.Float(0)
-    D = lit.cells.sky.array
-    return D if lit.indirect is None else D + lit.indirect.sky.array
+    return light.reflected(lit.cells.sky).array
 
 
 def _slots(
     traced: TracedView,
     paths: PixelPaths,
     cells: mi.Float,
-    glow: mi.Float,
+    glow: _Glow,
     subdivision: int,
     bins: int,
 ) -> np.ndarray:
@@ -89,7 +107,7 @@ def _slots(
         replicate = slot % traced.light.base.accuracy.replicates
         entry = replicate * dr.opaque(mi.UInt32, len(traced.glow))
         entry += dr.gather(mi.UInt32, paths.pane_at, ray)
-        value = dr.gather(mi.Float, glow, entry * stride + bin_)
+        value = dr.gather(mi.Float, glow.seen, entry * stride + bin_)
         value *= dr.gather(mi.Float, paths.pane, ray)
         dr.scatter_add(out, value, (slot - first) * stride + bin_)
         dr.eval(out)
@@ -100,7 +118,7 @@ def _slots(
 
 
 def _add_surfaces(
-    out: mi.Float, traced: TracedView, paths: PixelPaths, cells: mi.Float, glow: mi.Float,
+    out: mi.Float, traced: TracedView, paths: PixelPaths, cells: mi.Float, glow: _Glow,
     stride: mi.UInt32,
 ) -> None:  # fmt: skip
     """Add what the surfaces reflect that rays show."""
@@ -120,7 +138,7 @@ def _add_surfaces(
         _add_sums(out, paths, paths.gather_cell, paths.gather, cells, of_cells, rays, 0, stride)
     rays, of_panes = traced.sampling.panes, replicate * dr.opaque(mi.UInt32, len(traced.glow))
     for start in range(0, dr.width(paths.look), max(1, dr.width(paths.weight) * rays)):
-        _add_sums(out, paths, paths.look_at, paths.look, glow, of_panes, rays, start, stride)
+        _add_sums(out, paths, paths.look_at, paths.look, glow.looked, of_panes, rays, start, stride)
 
 
 def _add_sums(

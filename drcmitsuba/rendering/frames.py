@@ -15,10 +15,12 @@ from drcmitsuba.case.groups import APPLIED, OPEN, State
 from drcmitsuba.case.reading import load_case
 from drcmitsuba.case.weather import PeriodTable
 from drcmitsuba.plan import plan
-from drcmitsuba.rendering.light_paths import Sampling
-from drcmitsuba.rendering.prepared_view import COLUMNS, Size, instant_of, prepare
+from drcmitsuba.rendering.pixel_paths import Sampling
+from drcmitsuba.rendering.prepared_view import prepare
 from drcmitsuba.rendering.rendering import Rendering, Source
 from drcmitsuba.rendering.rounds import PictureTarget, toward
+from drcmitsuba.rendering.view_facade import ViewFacade
+from drcmitsuba.rendering.view_of_case import COLUMNS, Size, instant_of
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
@@ -38,8 +40,8 @@ def frames(
 ) -> Iterator[Rendering]:  # fmt: skip
     """Render a view of a case at some instants, state of the façade by state.
 
-    Light paths are traced once for every state that occurs; those of one state are in memory at a
-    time.
+    Light paths are traced once for all states. Where states have surfaces of their own, they are
+    traced for every state that occurs, and those of one state are in memory at a time.
 
     Parameters
     ----------
@@ -53,8 +55,7 @@ def frames(
         Largest `Rendering.half_width` of every picture, such as "2 %", toward which further rounds
         of the same numbers of rays are averaged. A note says what each picture reached.
     time_limit : float
-        Time for further rounds of all pictures [s]; no round begins after it. Each state of the
-        façade has its pictures' share of it.
+        Time for further rounds of all pictures [s]; no round begins after it.
     case, view, size, sampling, folder, stage
         As for `prepare`.
 
@@ -79,27 +80,40 @@ def frames(
     """
     if not isinstance(case, Case):
         case = load_case(case)
+    backend.select()
     goal = None if target is None else PictureTarget.parse(target, time_limit)
     instants = [instant_of(time) if isinstance(time, str) else time for time in times]
     by_time = [state] * len(instants)
     if state == APPLIED:
         by_time = states_at(case, np.array(instants), stage)
-    for one in dict.fromkeys(by_time):
-        mine = [instant for instant, own in zip(instants, by_time, strict=True) if own == one]
+    shown = sorted(zip(instants, by_time, strict=True), key=lambda each: by_time.index(each[1]))
+    for mine in _together(case, shown):
+        first = mine[0][1]
         prepared = prepare(
-            case, view, size=size, sampling=sampling, state=one, folder=folder, stage=stage
+            case, view, size=size, sampling=sampling, state=first, folder=folder, stage=stage
         )
-        with stage("pictures" if len(mine) == len(instants) else f"pictures, {one}") as done:
+        with stage("pictures" if len(mine) == len(shown) else f"pictures, {first}") as done:
             if goal is None:
-                for i, instant in enumerate(mine, 1):
-                    rendering = prepared.at(instant, source)
+                for i, (instant, one) in enumerate(mine, 1):
+                    rendering = prepared.at(instant, source, one)
                     done(i / len(mine))
                     yield rendering
             else:
-                own = replace(goal, seconds=goal.seconds * len(mine) / len(instants))
+                own = replace(goal, seconds=goal.seconds * len(mine) / len(shown))
                 there = None if folder is None else Path(folder)
                 yield from toward(own, prepared, mine, source, there, done)
         del prepared  # before the light paths of the next state
+
+
+def _together(
+    case: Case, shown: Sequence[tuple[np.datetime64, State]]
+) -> Iterator[Sequence[tuple[np.datetime64, State]]]:
+    """Instants, each with its state, that share light paths."""
+    if shown and ViewFacade.of(case, OPEN).panes is not None:
+        yield shown
+        return
+    for state in dict.fromkeys(one for _, one in shown):
+        yield [each for each in shown if each[1] == state]
 
 
 def render(

@@ -7,6 +7,7 @@ surface, is an entry of this table and a weight; the table follows from the hour
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +15,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from drcmitsuba.eye.openings import SeenOpenings
+from drcmitsuba.rendering.facade_scenes import looks_of
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.deposit import Deposit
@@ -47,6 +50,44 @@ class GlowTable:
         """Count the entries."""
         return int(self.first[-1]) + (0 if self.patches is None else 2 * len(self.patches))
 
+    @property
+    def _kinds(self) -> list[tuple[str, PanePatches, np.ndarray]]:
+        """Patches of each kind of panes, and the number of entries of each patch."""
+        kinds = []
+        if self.films is not None:
+            kinds.append(("films", self.films.patches, np.diff(self.first)))
+        if self.patches is not None:
+            kinds.append(("faces", self.patches, np.full(len(self.patches), 2)))
+        return kinds
+
+    def opening_of_entries(self, openings: SeenOpenings) -> np.ndarray:
+        """Opening in which the pane of every entry stands, `NO_OPENING` for none, int, (entry,)."""
+        each = [
+            np.repeat(openings.at(patches.middle, patches.normal), entries)
+            for _, patches, entries in self._kinds
+        ]
+        return np.concatenate([np.zeros(0, int), *each])
+
+    def entries_in(self, other: GlowTable) -> np.ndarray:
+        """Entry of another table for the same patch and direction, −1 for none, int, (entry,).
+
+        There is none where another film, of other cells, stands at the place of a patch.
+        """
+        known, out = {place: (first, count) for place, first, count in other._places()}, []
+        for place, _, count in self._places():
+            first, there = known.get(place, (0, 0))
+            out.append(first + np.arange(count) if there == count else np.full(count, -1))
+        return np.concatenate([np.zeros(0, int), *out])
+
+    def _places(self) -> Iterator[tuple[tuple[Any, ...], int, int]]:
+        """Kind and middle [mm] of each patch, its first entry, and the number of its entries."""
+        first = 0
+        for kind, patches, entries in self._kinds:
+            middle = np.rint(1000 * patches.middle).astype(int).tolist()
+            for place, count in zip(middle, entries.tolist(), strict=True):
+                yield (kind, *place), first, count
+                first += count
+
     def _of_film(
         self, patch: mi.UInt32, d: mi.Vector3f, front: mi.Bool
     ) -> tuple[mi.UInt32, mi.Bool]:
@@ -62,7 +103,8 @@ class GlowTable:
 
     def seen(self, p: mi.Point3f, d: mi.Vector3f, weight: mi.Float) -> tuple[mi.UInt32, mi.Float]:
         """Entries that rays along d meet at p, and their weight; 0 where no pane glows."""
-        at, met, nearest = mi.UInt32(0), mi.Bool(False), mi.Float(2 * NEAR)
+        at, met = dr.zeros(mi.UInt32, dr.width(p)), dr.full(mi.Bool, False, dr.width(p))
+        nearest = mi.Float(2 * NEAR)
         ray = mi.Ray3f(p - NEAR * d, d, 2 * NEAR, 0, [])
         for panes in (self.films, self.patches):
             if panes is None:
@@ -112,7 +154,7 @@ class GlowTable:
     @property
     def columns(self) -> int:
         """Number of entries that a ray of `looked` gives."""
-        return 2 * ((self.films is not None) + (self.patches is not None))
+        return looks_of(self.scene)
 
     def answer(self, lit: Deposit, seed: int) -> mi.Float:
         """BSDF of the films from the sun of a deposit into all rows of their mounts [1/sr]."""

@@ -11,8 +11,8 @@ import numpy as np
 from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.rendering.caustics import CausticMap
-from drcmitsuba.rendering.light_paths import PixelPaths, TracedView
 from drcmitsuba.rendering.outside import OutsideLuminances
+from drcmitsuba.rendering.pixel_paths import PixelPaths
 from drcmitsuba.rendering.sun_on_surfaces import (
     along_peaks,
     direct_sun,
@@ -20,6 +20,7 @@ from drcmitsuba.rendering.sun_on_surfaces import (
     in_rough_mirrors,
 )
 from drcmitsuba.rendering.surface_light import Glowing, HourSources
+from drcmitsuba.rendering.traced_view import TracedView
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.schema import mean_and_error
 from drcmitsuba.sky.sun_models import Suns

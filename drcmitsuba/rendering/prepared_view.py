@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
@@ -12,57 +11,75 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.annual.attributes import fingerprint
+from drcmitsuba.annual.choice import Choice
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, State
 from drcmitsuba.case.reading import load_case
+from drcmitsuba.eye.openings import note_of
 from drcmitsuba.picture.exr_header import BT709
-from drcmitsuba.picture.picture import MOST_PIXELS, RADIANCE, Picture
-from drcmitsuba.picture.view import PictureView, of_model
+from drcmitsuba.picture.picture import RADIANCE, Picture
+from drcmitsuba.picture.view import PictureView
 from drcmitsuba.plan import plan, reflected
 from drcmitsuba.rendering import stored_view
 from drcmitsuba.rendering.coefficient_pictures import coefficient_pictures
 from drcmitsuba.rendering.hour import luminance
-from drcmitsuba.rendering.light_paths import Sampling, TracedView, trace
+from drcmitsuba.rendering.light_paths import trace
 from drcmitsuba.rendering.outside import OutsideLuminances
+from drcmitsuba.rendering.pixel_paths import Sampling
 from drcmitsuba.rendering.rendering import Rendering, Source, file_name
+from drcmitsuba.rendering.traced_view import TracedView
+from drcmitsuba.rendering.view_by_element import ViewByElement
 from drcmitsuba.rendering.view_colours import ViewBands, ViewColours
-from drcmitsuba.rendering.view_parts import LOOKS, ViewFrame, ViewPart, traced
+from drcmitsuba.rendering.view_facade import ViewFacade
+from drcmitsuba.rendering.view_of_case import (
+    COLUMNS,
+    Size,
+    in_the_scene,
+    instant_of,
+    picture_view,
+    shape_of,
+)
+from drcmitsuba.rendering.view_parts import ViewFrame, ViewPart, traced
 from drcmitsuba.runtime import backend, storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, Stage, part, silent
 from drcmitsuba.runtime.provenance import program
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
-from drcmitsuba.scene.geometry import origin, rotation
-from drcmitsuba.scene.prepared_case import prepared
+from drcmitsuba.scene.fills import Fills, effects_of
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import Daylight, daylight, period, weather_of
-from drcmitsuba.sky.period import NOMINAL_YEAR
-
-Size = int | tuple[int, int]
-"""Number of columns, or of columns and rows, of a picture."""
-COLUMNS = 512
-"""Number of columns of a picture unless another is given."""
-_INSTANT = re.compile(r"(?:\d{4}-)?(\d\d-\d\d)[T ](\d\d:\d\d(?::\d\d)?)", re.ASCII)
 
 
 @dataclass(frozen=True, eq=False)
 class PreparedView:
-    """View of a case whose light paths are traced."""
+    """View of a case whose light paths are traced, for all states of its façade."""
 
     case: Case
     name: str
     view: PictureView
     """View in the coordinates of the case [m]."""
-    state: State
-    """State of the façade."""
-    channels: tuple[TracedView, ...]
+    facade: ViewFacade
+    channels: tuple[ViewByElement, ...]
     """Light paths in every colour channel, or by luminance."""
     colours: ViewColours | None = None
     """Light paths in bands, of a case that has them."""
 
-    def at(self, time: str | np.datetime64, source: Source = "all") -> Rendering:
-        """Picture at an instant, without tracing again.
+    @property
+    def state(self) -> State:
+        """State of the façade that pictures show unless they are asked for another one."""
+        return self.facade.state
+
+    @property
+    def fills(self) -> dict[str, tuple[str, ...]]:
+        """Names of the fills by opening; the first one is what the case draws there."""
+        return self.facade.fills
+
+    def at(
+        self, time: str | np.datetime64, source: Source = "all", state: State | None = None,
+        choice: Choice | None = None,
+    ) -> Rendering:  # fmt: skip
+        """Picture at an instant and in any state of the façade, without tracing again.
 
         Parameters
         ----------
@@ -71,6 +88,11 @@ class PreparedView:
         source : {"all", "sky", "sun"}
             Light that is shown: of sky and sun, of the sky and the ground, or of the sun; the last
             two add up to the first.
+        state : str, optional
+            State of the façade, such as `shaded`; by default that of `prepare`.
+        choice : mapping, optional
+            Name of a fill by opening, as for `annual.elements.Elements.evaluate`; openings that it
+            does not name are as in the state.
 
         Returns
         -------
@@ -79,7 +101,8 @@ class PreparedView:
         Raises
         ------
         InputError
-            The time is no instant of the weather, or the source is none of these.
+            The time is no instant of the weather, the source is none of these, or there is no such
+            state, opening or fill.
         """
         instant = instant_of(time) if isinstance(time, str) else time
         light = daylight(self.case, np.array([instant]))
@@ -91,7 +114,9 @@ class PreparedView:
             outside, sky = outside.without_sky(), np.zeros_like(sky)
         elif source != "all":
             raise InputError("picture", "source", repr(source), "give all, sky or sun")
-        shown = [luminance(view, outside, sky) for view in self.channels]
+        state = self.facade.state if state is None else state
+        indices = self.facade.indices(state, choice or {}, light)
+        shown = [luminance(view.in_state(indices), outside, sky) for view in self.channels]
         names = ("mean", "error", "disk")
         mean, error, disk = (np.stack([getattr(one, name) for one in shown]) for name in names)
         weights = np.array([*LUMINANCE_WEIGHTS.values()], np.float32)
@@ -101,23 +126,25 @@ class PreparedView:
         rgb = np.moveaxis(mean if coloured else np.repeat(mean, 3, axis=0), 0, -1)
         if self.colours is not None:
             coloured = True
-            rgb = self.colours.rgb(mean[0], light, of_all, sky=source != "sun", sun=source != "sky")
+            rgb = self.colours.rgb(
+                mean[0], light, of_all, indices, sky=source != "sun", sun=source != "sky"
+            )
         date = str(instant.astype("datetime64[s]"))
         picture = Picture(
             np.ascontiguousarray(rgb), self.view, BT709 if coloured else RADIANCE,
             captured=date.replace("-", ":").replace("T", " "),
         )  # fmt: skip
-        notes = _notes(self.case, instant, light)
+        again = max(one.cells.again for one in self.channels)
+        notes = (*_notes(self.case, instant, light), *note_of(again))
         return Rendering(
             picture, error[0], disk[0], self.case.accuracy.replicates - 1, self.case.name,
-            self.name, self.state, instant, source, notes,
+            self.name, self.facade.told(state, choice or {}, indices), instant, source, notes,
         )  # fmt: skip
 
     @property
     def nbytes(self) -> int:
         """Size of the light paths by channel [bytes], at most."""
-        one = self.channels[0]
-        return one.sampling.nbytes(LOOKS) * one.rows * one.columns * len(self.channels)
+        return sum(one.nbytes for one in self.channels)
 
     def again(self, seed: int, folder: Path | None = None) -> PreparedView:
         """Trace the same view with other random numbers, the light on its surfaces, too.
@@ -137,15 +164,15 @@ class PreparedView:
         """
         channels = []
         for i, one in enumerate(self.channels):
-            base, keep, here = one.light.base, None, None
+            keep, here = None, None
             if folder is not None:
                 here = folder / f"channel_{i}"
                 here.mkdir()
                 keep = partial(stored_view.save_paths, folder=here)
             again = trace(
-                one.scene, one.view, one.rows, one.columns, sampling=one.sampling,
-                accuracy=base.accuracy.model_copy(update={"seed": seed}),
-                subdivision=self.case.sky.subdivision, diameter=base.diameter, keep=keep,
+                one.scenes, one.view, one.rows, one.columns, sampling=one.sampling,
+                accuracy=one.accuracy.model_copy(update={"seed": seed}),
+                subdivision=one.subdivision, diameter=one.diameter, keep=keep,
             )  # fmt: skip
             if here is not None:
                 (again,) = stored_view.with_tiles_of([again], [here])
@@ -154,6 +181,8 @@ class PreparedView:
 
     def save_bins(self, folder: str | Path, done: Progress = lambda share: None) -> list[Path]:
         """Write the coefficient pictures of ground and sky patches, each whole or not at all.
+
+        The façade is in the state of `prepare`.
 
         Parameters
         ----------
@@ -168,11 +197,11 @@ class PreparedView:
             Zarr folders with `coefficient` and `coefficient_se` (row, column, bin) [1].
         """
         colours = list(LUMINANCE_WEIGHTS) if len(self.channels) > 1 else [""]
-        paths = []
+        paths, indices = [], self.facade.indices(self.facade.state, {}, daylight(self.case))
         for i, (colour, one) in enumerate(zip(colours, self.channels, strict=True)):
             share = part(done, i / len(colours), (i + 1) / len(colours))
             name = f"{file_name(self.name)}_bins{'_' if colour else ''}{colour}.zarr"
-            storage.save_zarr(_told(one, share), Path(folder) / name, along="row")
+            storage.save_zarr(_told(one.in_state(indices), share), Path(folder) / name, along="row")
             paths.append(Path(folder) / name)
         return paths
 
@@ -182,24 +211,6 @@ def _told(view: TracedView, done: Progress) -> Iterator[xr.Dataset]:
     for rows in coefficient_pictures(view):
         yield rows
         done((int(rows["row"][-1]) + 1) / view.rows)
-
-
-def instant_of(text: str) -> np.datetime64:
-    """Instant of the nominal year that a text names, such as "03-21 10:30".
-
-    Raises
-    ------
-    InputError
-        The text is no date and time.
-    """
-    match = _INSTANT.fullmatch(text.strip())
-    try:
-        if match:
-            return np.datetime64(f"{NOMINAL_YEAR}-{match[1]}T{match[2]}", "ns")
-    except ValueError:
-        pass
-    remedy = "give month, day and local standard time, as 03-21 10:30"
-    raise InputError("command line", "--time", repr(text), remedy)
 
 
 def _notes(case: Case, instant: np.datetime64, light: Daylight) -> tuple[str, ...]:
@@ -217,46 +228,13 @@ def _notes(case: Case, instant: np.datetime64, light: Daylight) -> tuple[str, ..
     return tuple(notes)
 
 
-def picture_view(case: Case, name: str | None) -> tuple[str, PictureView]:
-    """View of a case by its name, or its only one, in the coordinates of the case.
-
-    Raises
-    ------
-    InputError
-        There is no such view, or its place is unfit.
-    """
-    every = {view.name: view for view in prepared(case).views}
-    if not every:
-        remedy = "add a table [views.NAME] with position and direction"
-        raise InputError(case.source, "views", "none", remedy)
-    if name is None and len(every) == 1:
-        (name,) = every
-    if name is None or name not in every:
-        got = "none" if name is None else repr(name)
-        raise InputError("command line", "--view", got, f"give one of {', '.join(every)}")
-    return name, of_model(every[name])
-
-
-def shape_of(view: PictureView, size: Size) -> tuple[int, int]:
-    """Rows and columns of a picture of a size; pixels are square unless both are given.
-
-    Raises
-    ------
-    InputError
-        There are no pixels, or more than 33 million.
-    """
-    wide, high = view.half_size
-    columns, rows = (size, max(1, round(size * high / wide))) if isinstance(size, int) else size
-    if not (columns >= 1 and rows >= 1 and columns * rows <= MOST_PIXELS):
-        got = f"{columns} by {rows} pixels"
-        raise InputError("picture", "size", got, f"give 1 to {MOST_PIXELS} pixels in all")
-    return rows, columns
-
-
-def _effects(case: Case, pixels: int) -> EnabledEffects:
+def _effects(facade: ViewFacade, fills: Fills, pixels: int) -> EnabledEffects:
     """Effects of a picture at any hour, and whether light between surfaces is solved on cells."""
+    case = facade.case
     planned = plan(case, daylight(case))
     scope = planned.scope
+    if fills and facade.panes is not None:
+        scope = effects_of(facade.panes, scope, case.effects)
     solved = reflected.solved_cells(planned.facts, scope.depth, pixels)
     solved = solved.decided("solved_cells", case.effects.solved_cells)
     channels = False if case.colour.wavelengths else scope.channels  # bands have the colour
@@ -268,10 +246,10 @@ def _effects(case: Case, pixels: int) -> EnabledEffects:
 
 def prepare(
     case: Case | str | Path, view: str | None = None, *, size: Size = COLUMNS,
-    sampling: Sampling | None = None, state: State = OPEN, folder: str | Path | None = None,
-    stage: Stage = silent,
+    sampling: Sampling | None = None, state: State = OPEN, fills: Fills = (),
+    folder: str | Path | None = None, stage: Stage = silent,
 ) -> PreparedView:  # fmt: skip
-    """Trace the light paths of a view.
+    """Trace the light paths of a view, for all states of its façade.
 
     Parameters
     ----------
@@ -284,7 +262,11 @@ def prepare(
     sampling : Sampling, optional
         Numbers of rays.
     state : str
-        State of the façade, `open` or `shaded`.
+        State of the façade that pictures show unless they are asked for another one. Where states
+        have surfaces of their own, light paths are traced in this one alone.
+    fills : sequence of str, or mapping of str to sequence of str, optional
+        Further fills of all openings, or of some by their names, as for `drcmitsuba.elements`. By
+        default what the case itself may put there.
     folder : str or Path, optional
         Folder for the light paths, about 1 KB a pixel; those of the same view are not traced again.
         Without it they stay in memory.
@@ -298,14 +280,14 @@ def prepare(
     Raises
     ------
     InputError
-        The view, the size, a material or the geometry is unfit.
+        The view, the size, the state, a fill, a material or the geometry is unfit.
 
     Examples
     --------
     >>> from drcmitsuba import rendering
     >>> desk = rendering.prepare("desk.toml", "desk", size=16)
-    >>> [desk.at(time).picture.luminance.shape for time in ("03-20 10:00", "06-21 10:00")]
-    [(16, 16), (16, 16)]
+    >>> [desk.at("03-20 10:00", state=state).state for state in ("open", "shaded")]
+    ['open', 'shaded']
     """
     if not isinstance(case, Case):
         case = load_case(case)
@@ -313,45 +295,34 @@ def prepare(
     name, shown = picture_view(case, view)
     rows, columns = shape_of(shown, size)
     with stage("plan"):
-        effects = _effects(case, rows * columns)
+        facade = ViewFacade.of(case, state, fills)
+        effects = _effects(facade, fills, rows * columns)
     sampling = (sampling or Sampling()).rounded(case.accuracy.replicates)
     stated = {
         "case": fingerprint(case, effects), "view": shown.options(), "rows": rows,
-        "columns": columns, "state": state, "seed": case.accuracy.seed,
+        "columns": columns, "facade": facade.stated, "seed": case.accuracy.seed,
         "format": stored_view.FORMAT, "program": program(),
     }  # fmt: skip
-    path = None if folder is None else Path(folder) / f"{_kept_name(name, state)}_light_paths"
+    path = None if folder is None else Path(folder) / f"{_kept_name(name, facade)}_light_paths"
     frame = ViewFrame(
-        _in_the_scene(case, shown), rows, columns, case.sky.subdivision, case.outside.sun_diameter
+        in_the_scene(case, shown), rows, columns, case.sky.subdivision, case.outside.sun_diameter
     )
     parts = [
         ViewPart(
-            f"channel_{max(0, channel)}", scene.load(case, state, channel, effects), sampling,
-            case.accuracy,
+            f"channel_{max(0, channel)}", facade.scenes(channel, effects), sampling, case.accuracy
         )
         for channel in scene.channels_of(case, effects)
-    ]  # fmt: skip
-    bands, channels = ViewBands.of(case, state), len(parts)
+    ]
+    bands, channels = ViewBands.of(case, facade.states), len(parts)
     if bands is not None:
-        parts += bands.parts(state, effects, sampling)
+        scenes = partial(facade.scenes, effects=effects)
+        parts += bands.parts(lambda channel, tint: scenes(channel, tint=tint), sampling)
     views = traced(frame, parts, stated, path, stage)
     colours = None if bands is None else ViewColours(bands, views[channels:])
-    return PreparedView(case, name, shown, state, views[:channels], colours)
+    return PreparedView(case, name, shown, facade, views[:channels], colours)
 
 
-def _kept_name(view: str, state: State) -> str:
-    """Part of a folder's name for a view in a state of the façade."""
-    return file_name(view if state == OPEN else f"{view}_{state}")
-
-
-def _in_the_scene(case: Case, view: PictureView) -> PictureView:
-    """View in the frame in which the scene of a case is traced."""
-    turn = rotation(case).T
-    position = (np.array(view.position) - origin(case)) @ turn
-    direction, up = (np.array(v) @ turn for v in (view.direction, view.up))
-    return replace(view, position=_triple(position), direction=_triple(direction), up=_triple(up))
-
-
-def _triple(values: np.ndarray) -> tuple[float, float, float]:
-    x, y, z = map(float, values)
-    return x, y, z
+def _kept_name(view: str, facade: ViewFacade) -> str:
+    """Part of a folder's name for a view, in the one state of its façade where it has one."""
+    alone = facade.panes is None and facade.state != OPEN
+    return file_name(f"{view}_{facade.state}" if alone else view)

@@ -124,7 +124,7 @@ class Rendering:
     def save(
         self, folder: str | Path, tone: Tone = "human", pixels: Literal["float", "half"] = "float",
         scale: Scale | None = None, screen: Screen = SRGB,
-        remark: Callable[[str], None] = lambda text: None,
+        remark: Callable[[str], None] = lambda text: None, name: str | None = None,
     ) -> list[Path]:  # fmt: skip
         """Write the picture as `.exr` with its error, `.hdr` and `.png`, each whole or not at all.
 
@@ -143,6 +143,8 @@ class Rendering:
             Space of the colours of a PNG that is not in false ones, and what it shows as white.
         remark : callable
             Takes remarks on colours that a file cannot hold, and on its white.
+        name : str, optional
+            Name of the files without ending; by default `name`.
 
         Returns
         -------
@@ -157,7 +159,7 @@ class Rendering:
         check_scale(scale, tone)
         folder = Path(folder)
         png = ".png" if tone == "human" else f"_{tone}.png"
-        files = [folder / f"{self.name}{ending}" for ending in (".exr", ".hdr", png)]
+        files = [folder / f"{name or self.name}{ending}" for ending in (".exr", ".hdr", png)]
         exr.save(self.picture, files[0], pixels, self.error)
         hdr.save(self.picture, files[1])
         if self.is_dark:

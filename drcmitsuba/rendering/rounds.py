@@ -1,7 +1,8 @@
 """Rounds of further rays, averaged until pictures are as sure as wanted or the time is over.
 
 A round is the whole view traced anew with other random numbers, the light on its surfaces, too. The
-pictures of some instants share it; only they and the light paths of two rounds are in memory.
+pictures of some instants and states share it; only they and the light paths of two rounds are in
+memory.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from drcmitsuba.case.accuracy import Target
+from drcmitsuba.case.groups import State
 from drcmitsuba.rendering.prepared_view import PreparedView
 from drcmitsuba.rendering.rendering import Rendering, Source
 from drcmitsuba.rendering.view_parts import MOST_MEMORY
@@ -99,18 +101,19 @@ class Mean:
 
 
 def toward(
-    target: PictureTarget, prepared: PreparedView, instants: Sequence[np.datetime64],
+    target: PictureTarget, prepared: PreparedView, frames: Sequence[tuple[np.datetime64, State]],
     source: Source, folder: Path | None, progress: Progress = lambda share: None,
 ) -> Iterator[Rendering]:  # fmt: skip
-    """Pictures of a view at some instants, with rounds until each has the target.
+    """Pictures of a view at some instants and states, with rounds until each has the target.
 
     Parameters
     ----------
     target : PictureTarget
-        Its time is for these instants; those that are in memory together have their share of it.
+        Its time is for these frames; those that are in memory together have their share of it.
     prepared : PreparedView
         View with the light paths of the first round.
-    instants : sequence of np.datetime64
+    frames : sequence of (np.datetime64, str)
+        Instants, each with the state of the façade.
     source : {"all", "sky", "sun"}
     folder : Path, optional
         Folder for light paths that may not fit in memory, of one round at a time; they are removed.
@@ -119,30 +122,31 @@ def toward(
     Yields
     ------
     Rendering
-        One for each instant, with a note on what it reached.
+        One for each frame, with a note on what it reached.
     """
     first = prepared.channels[0]
     each = PIXEL_BYTES * first.rows * first.columns
     step = max(1, TOGETHER // each)
-    for start in range(0, len(instants), step):
-        some = instants[start : start + step]
-        means = [Mean(prepared.at(instant, source)) for instant in some]
-        limit = TimeLimit(target.seconds * len(some) / len(instants))
+    for start in range(0, len(frames), step):
+        some = frames[start : start + step]
+        means = [Mean(prepared.at(instant, source, state)) for instant, state in some]
+        limit = TimeLimit(target.seconds * len(some) / len(frames))
         while wide := [k for k, mean in enumerate(means) if not target.holds(mean.shown)]:
             if limit.is_over:
                 break
             widest = max(means[k].shown.half_width for k in wide)
-            progress((start + len(some) * (target.percent / widest) ** 2) / len(instants))
+            progress((start + len(some) * (target.percent / widest) ** 2) / len(frames))
             number = means[wide[0]].rounds  # as many for all that are still wide
             seed = case_seed(prepared.case.accuracy.seed, Stream.ROUNDS, number)
             with _room(prepared, folder) as there:
                 more = prepared.again(seed, None if there is None else Path(there))
                 for k in wide:
-                    means[k] = means[k].added(more.at(some[k], source))
+                    instant, state = some[k]
+                    means[k] = means[k].added(more.at(instant, source, state))
                 del more  # before the light paths of the next round
         for mean in means:
             yield replace(mean.shown, notes=(*mean.shown.notes, _note(mean, target, limit)))
-        progress((start + len(some)) / len(instants))
+        progress((start + len(some)) / len(frames))
 
 
 def _room(prepared: PreparedView, folder: Path | None) -> AbstractContextManager[str | None]:

@@ -11,12 +11,15 @@ for each ray, with p_o the density of directions to points spread evenly over th
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.patches import patch_index
 
+from drcmitsuba.eye.openings import NO_OPENING
+from drcmitsuba.rendering.facade_scenes import FacadeScenes
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.geometry import normals
@@ -78,16 +81,29 @@ class SkyOpenings:
         return out
 
 
+class SkyRays(NamedTuple):
+    """Rays from points to the sky, as many from each."""
+
+    bin: mi.UInt32
+    """Bin that they reach, 0 for the ground, shape (point · ray,)."""
+    opening: mi.UInt32
+    """Number from 1 of the opening that they pass, 0 for none; empty where none is told apart."""
+    weight: mi.Float
+    """Irradiance [sr] by each of the fills that let straight light through, see `FacadeScenes`, 0
+    where nothing is seen, shape (fill · point · ray,); what passes no opening counts with the first
+    fill."""
+
+
 def sky_rays(
-    scene: Scene, windows: SkyOpenings, p: mi.Point3f, n: mi.Normal3f, number: mi.UInt32, *,
-    rays: int, subdivision: int, seed: int,
-) -> tuple[mi.UInt32, mi.Float]:  # fmt: skip
+    scenes: FacadeScenes, windows: SkyOpenings, p: mi.Point3f, n: mi.Normal3f, number: mi.UInt32,
+    *, rays: int, subdivision: int, seed: int,
+) -> SkyRays:  # fmt: skip
     """Bins that rays from points reach, and their irradiance per unit radiance of the bin.
 
     Parameters
     ----------
-    scene : Scene
-    windows : Windows
+    scenes : FacadeScenes
+    windows : SkyOpenings
     p, n : mi.Point3f, mi.Normal3f
         Points off their surface [m], and normals.
     number : mi.UInt32
@@ -97,13 +113,6 @@ def sky_rays(
     subdivision : int
         Reinhart's factor MF of the sky.
     seed : int
-
-    Returns
-    -------
-    bin : mi.UInt32, shape (point · rays,)
-        0 for the ground.
-    weight : mi.Float, shape (point · rays,)
-        Irradiance [sr]; 0 where nothing is seen.
     """
     lane = dr.arange(mi.UInt32, dr.width(p) * rays)
     row, index = lane // rays, lane % rays
@@ -115,11 +124,17 @@ def sky_rays(
         to_window = dr.normalize(windows.points(place.x, place.y) - p)
         d = dr.select(index < by_cosine, d, to_window)
     cosine = dr.dot(n, d)
-    tau = straight(scene, p, d, (cosine > 0) & scene.effects.shines(d))
+    active, opening = (cosine > 0) & scenes.inner.effects.shines(d), mi.UInt32()
+    if scenes.openings is not None:
+        opening = mi.UInt32(scenes.openings.first(p, d, active) - NO_OPENING)
+    every = []
+    for fill in scenes.letting_through:
+        mine = active & (opening > 0) if fill else active
+        every.append(straight(scenes.fills[fill], p, d, mine))
     density = by_cosine * cosine * dr.inv_pi
     if by_cosine < rays:
         density += (rays - by_cosine) * windows.density(p, d)
-    weight = dr.select(tau > 0, tau * cosine / density, 0)
+    weights = [dr.select(tau > 0, tau * cosine / density, 0) for tau in every]
     bins = patch_index(d, subdivision)
-    dr.eval(bins, weight)
-    return bins, weight
+    dr.eval(bins, opening, weights)
+    return SkyRays(bins, opening, weights[0] if len(weights) == 1 else dr.concat(weights))

@@ -1,7 +1,7 @@
 """Light paths of a view on disk: a Zarr folder for the cells and one for each group of pixels.
 
-The light of the sky on the cells is computed anew from what is stored, with the same random
-numbers: it takes as long as that of one hour's sun.
+They are those of all states of the façade. The light of the sky on the cells is computed anew for a
+state, with the same random numbers: it takes as long as that of one hour's sun.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import mitsuba as mi
 import numpy as np
 import xarray as xr
 
-from drcmitsuba.rendering.light_paths import PixelPaths, TracedView
-from drcmitsuba.rendering.surface_light import SurfaceLight
+from drcmitsuba.rendering.pixel_paths import PixelPaths
+from drcmitsuba.rendering.view_by_element import ViewByElement, ViewCells
 from drcmitsuba.runtime import zarr_folder
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.transport.cells.points import CellPoints
@@ -29,7 +29,7 @@ from drcmitsuba.transport.interreflection.solved_cells import OneBounce, Transfe
 KEPT = 1 << 30
 """Largest size of light paths that stay in memory [bytes]."""
 CELLS, STATED = "cells.zarr", "view.json"
-FORMAT = 5
+FORMAT = 6
 """Version of the arrays of a view: a folder of another one is written anew."""
 DRAWN = ("rank", "p", "n", "within")
 """Arrays of the points that stand for cells."""
@@ -59,19 +59,20 @@ def save_paths(paths: PixelPaths, folder: Path) -> None:
     zarr_folder.write([part], folder / f"{paths.first:010d}.zarr", along="")
 
 
-def save_cells(light: SurfaceLight, folder: Path, stated: dict[str, Any]) -> None:
+def save_cells(cells: ViewCells, folder: Path, stated: dict[str, Any]) -> None:
     """Write the cells of a view, and last what the view is of."""
-    arrays: dict[str, Any] = {"keys": light.keys}
-    points = {f"drawn_{name}": getattr(light.drawn, name) for name in DRAWN}
+    arrays: dict[str, Any] = {"keys": cells.keys}
+    points = {f"drawn_{name}": getattr(cells.drawn, name) for name in DRAWN}
     arrays |= {name: values for name, values in points.items() if values is not None}
-    attributes: dict[str, int] = {}
-    if light.transfer is not None:
-        blocks = light.transfer.blocks
+    attributes: dict[str, float] = {"again": cells.again}
+    if cells.transfer is not None:
+        blocks = cells.transfer.blocks
         arrays |= {"blocks_of": blocks.of, "blocks_share": blocks.share}
-        attributes |= {"blocks": blocks.count, "steps": light.transfer.steps}
-        attributes["sending"] = light.transfer.sending or dr.width(blocks.of)
-        for r, bounce in enumerate(light.transfer.bounces):
+        attributes |= {"blocks": blocks.count, "steps": cells.transfer.steps}
+        attributes["sending"] = cells.transfer.sending or dr.width(blocks.of)
+        for r, bounce in enumerate(cells.transfer.bounces):
             arrays |= {f"bounce_{r}_{k}": v for k, v in bounce._asdict().items()}
+        arrays |= {f"marks_{r}": mark for r, mark in enumerate(cells.transfer.marks)}
     zarr_folder.write([_dataset(arrays, **attributes)], folder / CELLS, along="")
     (folder / STATED).write_text(json.dumps(stated), encoding="utf-8")
 
@@ -132,7 +133,9 @@ def tiles(folder: Path) -> Iterator[PixelPaths]:
         yield _paths(part)
 
 
-def with_tiles_of(views: Sequence[TracedView], folders: Sequence[Path]) -> tuple[TracedView, ...]:
+def with_tiles_of(
+    views: Sequence[ViewByElement], folders: Sequence[Path]
+) -> tuple[ViewByElement, ...]:
     """Return views whose light paths are read from folders, once where all fit in memory."""
     files = [file for folder in folders for file in folder.rglob("*") if file.is_file()]
     if sum(file.stat().st_size for file in files) > KEPT // 2:
@@ -146,30 +149,27 @@ def with_tiles_of(views: Sequence[TracedView], folders: Sequence[Path]) -> tuple
     )
 
 
-def load_cells(light: SurfaceLight, folder: Path) -> SurfaceLight:
-    """Read the cells of a view, and compute the sky's light on them.
-
-    `light` has the deposit of the scene, and no cells yet.
-    """
+def load_cells(folder: Path, replicates: int) -> ViewCells:
+    """Read the cells of a view."""
     with _opened(folder / CELLS) as data:
 
-        def array(name: str, kind: Any = None) -> Any:
+        def array(name: str) -> Any:
             values = data[name].values
-            if kind is None:
-                kinds = {"u": mi.UInt32, "f": mi.Float, "b": mi.Bool, "i": mi.Bool}
-                kind = kinds[values.dtype.kind]
-            return _array(kind, values)
+            kinds = {"u": mi.UInt32, "f": mi.Float, "b": mi.Bool, "i": mi.Bool}
+            return _array(kinds[values.dtype.kind], values)
 
-        replicates, keys = range(light.base.accuracy.replicates), array("keys")
+        keys, every = array("keys"), range(replicates)
         points = {name: array(f"drawn_{name}") for name in DRAWN if f"drawn_{name}" in data}
-        drawn = CellPoints(len(replicates), dr.width(keys), **points)
+        drawn = CellPoints(replicates, dr.width(keys), **points)
         transfer = None
         if "blocks" in data.attrs:
             blocks = Blocks(array("blocks_of"), int(data.attrs["blocks"]), array("blocks_share"))
             bounces = (
                 OneBounce(*(array(f"bounce_{r}_{name}") for name in OneBounce._fields))
-                for r in replicates
+                for r in every
             )
+            marks = tuple(array(f"marks_{r}") for r in every if f"marks_{r}" in data)
             steps, sending = (int(data.attrs[name]) for name in ("steps", "sending"))
-            transfer = Transfer(blocks, tuple(bounces), steps, sending)
-    return SurfaceLight.of(light.base, keys, drawn, transfer)
+            transfer = Transfer(blocks, tuple(bounces), steps, sending, marks)
+        again = float(data.attrs["again"])
+    return ViewCells(keys, drawn, transfer, again)

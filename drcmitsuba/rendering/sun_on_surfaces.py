@@ -9,9 +9,10 @@ import mitsuba as mi
 from drcmitsuba_plugins.sampling import TO_UNIT, disk_solid_angle, random_bits, sample_disk
 
 from drcmitsuba.eye.mirrored_sun import seen_in_rough
-from drcmitsuba.rendering.light_paths import PixelPaths, TracedView
 from drcmitsuba.rendering.outside import OutsideLuminances
+from drcmitsuba.rendering.pixel_paths import PixelPaths
 from drcmitsuba.rendering.surface_light import Glowing
+from drcmitsuba.rendering.traced_view import TracedView
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.transport.films.peaks import peak_deposit
 from drcmitsuba.transport.rays.shadow_rays import straight
@@ -75,7 +76,7 @@ def along_peaks(
     traced: TracedView, paths: PixelPaths, outside: OutsideLuminances, glow: Glowing
 ) -> mi.Float:
     """Irradiance of the surfaces by the sun in the narrow peaks of films [lx]."""
-    films, E = traced.glow.films, mi.Float(0)
+    films, E = traced.glow.table.films, mi.Float(0)
     number = dr.arange(mi.UInt32, dr.width(paths.weight)) + dr.opaque(mi.UInt32, paths.first)
     seed = launch_seed(traced.light.base.accuracy.seed, Stream.EYE_PEAKS)
     for peaks in glow.peaks:

@@ -1,11 +1,12 @@
 r"""Light on the surfaces of a scene: irradiance of the cells by all ways, hour by hour.
 
-Every replicate has points of its own that stand for the cells. Its irradiance of a cell is
+Every replicate has points of its own that stand for the cells. Before any diffuse reflection, the
+irradiance of a cell is
 
-.. math:: E_r = H_{r,\mathrm{sky}} L_\mathrm{sky} + H_{r,\mathrm{sun}} L_\mathrm{sun},
+.. math:: E_{0,r} = D_{r,\mathrm{sky}} L_\mathrm{sky} + D_{r,\mathrm{sun}} L_\mathrm{sun},
 
-with H = D + T·H where light between cells is solved, and H = D where paths follow all bounces. The
-sky's H is computed once; the sun's for the exact sun of an hour.
+and E = E₀ + T·E where light between cells is solved, E = E₀ where paths follow all bounces. The
+sky's D is computed once; the sun's for the exact sun of an hour.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.rendering.glow import GlowTable
+from drcmitsuba.rendering.view_glow import ViewGlow
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
@@ -59,9 +60,9 @@ class Glowing:
     """Panes that scatter, as they glow at an instant."""
 
     whole: mi.Float
-    """Radiance of the panes' entries [cd/m²], flat (replicate, entry)."""
+    """Radiance of the panes' entries as the eye sees it [cd/m²], flat (replicate, entry)."""
     rest: mi.Float
-    """The same without the sun in the narrow peaks of films."""
+    """The same for surfaces that look at panes, without the sun in the narrow peaks of films."""
     peaks: tuple[Peaks, ...]
     """Narrow peaks of films, which surfaces look for along their directions."""
 
@@ -79,7 +80,8 @@ class SurfaceLight:
     transfer: Transfer | None
     """Light between cells; None where paths follow all bounces."""
     sky: Replicates | None
-    """The sky's light in all replicates; None before it is computed."""
+    """The sky's light in all replicates, before any diffuse reflection; None before it is
+    computed."""
     photons: PhotonTracer | None = None
     """Photons to the cells; None without components."""
 
@@ -110,7 +112,7 @@ class SurfaceLight:
     def _lit(self, base: Deposit) -> Replicates:
         """Light on the cells and panes in every replicate."""
         numbers = range(base.accuracy.replicates)
-        every = Replicates(numbers, tuple(map(base.lit, numbers)), transfer=self.transfer)
+        every = Replicates(numbers, tuple(map(base.lit, numbers)))
         if self.cells:
             if self.photons is not None:
                 suns, subdivision = base.suns, base.subdivision
@@ -134,33 +136,42 @@ class SurfaceLight:
         E = _irradiance(self.sky, 0, sources.sky)
         if by_sun is not None:
             E += _irradiance(by_sun, 1, np.array([sources.sun]))
-        return E
+        return self.reflected(mi.TensorXf(E, (dr.width(E), 1))).array
 
-    def glow(self, glow: GlowTable, sources: HourSources, by_sun: Replicates | None) -> Glowing:
+    def reflected(self, direct: mi.TensorXf) -> mi.TensorXf:
+        """Irradiance with the light that cells have reflected, shape (replicate · cell, bin).
+
+        `direct` is that before any diffuse reflection.
+        """
+        if self.transfer is None:
+            return direct
+        return direct + self.transfer.indirect(range(self.base.accuracy.replicates), direct)
+
+    def glow(self, glow: ViewGlow, sources: HourSources, by_sun: Replicates | None) -> Glowing:
         """Panes as they glow under the sources."""
-        if not len(glow):
-            return Glowing(mi.Float(0), mi.Float(0), ())
-        whole, rest, peaks = [], [], tuple[Peaks, ...]()
+        if not len(glow.table):
+            none = dr.zeros(mi.Float, max(1, len(self.deposits) * len(glow)))
+            return Glowing(none, none, ())
+        table, whole, rest, peaks = glow.table, [], [], tuple[Peaks, ...]()
         for r, deposit in enumerate(self.deposits):
-            L = glow.radiance(deposit, sources.sky, 0, mi.Float())
+            L = table.radiance(deposit, sources.sky, 0, mi.Float())
             whole.append(L)
             rest.append(L)
             if by_sun is not None:
                 lit, none = by_sun.deposits[r], np.zeros(0)
                 seed = launch_seed(self.base.accuracy.seed, Stream.EYE_PANES) + 2 + r
-                answer = glow.answer(lit, seed)
-                left, peaks = glow.split(answer)
-                whole[-1] = L + glow.radiance(lit, none, sources.sun, answer)
-                rest[-1] = L + glow.radiance(lit, none, sources.sun, left)
-        return Glowing(dr.concat(whole), dr.concat(rest), peaks)
+                answer = table.answer(lit, seed)
+                left, peaks = table.split(answer)
+                whole[-1] = L + table.radiance(lit, none, sources.sun, answer)
+                rest[-1] = L + table.radiance(lit, none, sources.sun, left)
+        return Glowing(glow.of_eye(dr.concat(whole)), glow.of_surfaces(dr.concat(rest)), peaks)
 
 
 def _irradiance(light: Replicates, kind: int, L: np.ndarray) -> mi.Float:
-    """E of the cells by a kind of bins (0 the sky's, 1 suns) of luminances L (bin,)."""
+    """E₀ of the cells by a kind of bins (0 the sky's, 1 suns) of luminances L (bin,)."""
     assert light.cells is not None
     column = mi.TensorXf(flat(L), (len(L), 1))
     D = light.cells[kind]
     if D.shape[1] == 0:
         return dr.zeros(mi.Float, D.shape[0])
-    E = (D @ column).array
-    return E if light.indirect is None else E + (light.indirect[kind] @ column).array
+    return (D @ column).array

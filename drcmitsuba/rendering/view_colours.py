@@ -16,7 +16,7 @@ next pixels. All bands have the same random numbers.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
@@ -31,13 +31,14 @@ from drcmitsuba.colour.sources import SourceSpectra, sky_temperatures
 from drcmitsuba.colour.tints import Tints
 from drcmitsuba.picture.exr_header import BT709
 from drcmitsuba.picture.picture import to_xyz
+from drcmitsuba.rendering.facade_scenes import FacadeScenes, Indices
 from drcmitsuba.rendering.hour import LightParts, in_parts
-from drcmitsuba.rendering.light_paths import Sampling, TracedView
 from drcmitsuba.rendering.outside import OutsideLuminances
+from drcmitsuba.rendering.pixel_paths import Sampling
+from drcmitsuba.rendering.view_by_element import ViewByElement
 from drcmitsuba.rendering.view_parts import ViewPart
 from drcmitsuba.runtime.lazy import module
-from drcmitsuba.scene import scene
-from drcmitsuba.scene.enabled_effects import EnabledEffects
+from drcmitsuba.scene.scene import Tint
 from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.sky.daylight import Daylight
 
@@ -62,8 +63,8 @@ class ViewBands:
     tints: Tints
 
     @classmethod
-    def of(cls, case: Case, state: State) -> ViewBands | None:
-        """Bands of a case with `colour.bands` of 9 or 27; None for others.
+    def of(cls, case: Case, states: Iterable[State]) -> ViewBands | None:
+        """Bands of a case with `colour.bands` of 9 or 27, in some states; None for others.
 
         Raises InputError for an unfit spectrum, or one whose name no surface has.
         """
@@ -71,13 +72,17 @@ class ViewBands:
             return None
         bands = Bands.of(case.colour.wavelengths)
         tints = Tints(case, bands)
-        tints.check(surfaces_of(case, state))
+        for state in states:
+            tints.check(surfaces_of(case, state))
         return cls(case, bands, tints)
 
     def parts(
-        self, state: State, effects: EnabledEffects, sampling: Sampling
+        self, scenes: Callable[[int, Tint], FacadeScenes], sampling: Sampling
     ) -> Iterator[ViewPart]:
-        """Scenes of the bands, with fewer rays than those of a picture by luminance."""
+        """Scenes of the bands, with fewer rays than those of a picture by luminance.
+
+        `scenes` gives those of a colour channel with tinted surfaces.
+        """
         paths, sky, panes = (
             max(1, n // FEWER) for n in (sampling.paths, sampling.sky, sampling.panes)
         )
@@ -86,8 +91,9 @@ class ViewBands:
         stated = {"bands": list(self.bands.wavelengths), "spectra": self.tints.content}
         for band in range(len(self.bands)):
             tint = partial(self.tints.of, band)
-            world = scene.load(self.case, state, -1, effects, tint=tint)
-            yield ViewPart(f"band_{band}", world, few.rounded(REPLICATES), accuracy, stated)
+            yield ViewPart(
+                f"band_{band}", scenes(-1, tint), few.rounded(REPLICATES), accuracy, stated
+            )
 
     def under(
         self, light: Daylight, outside: OutsideLuminances
@@ -108,12 +114,13 @@ class ViewColours:
     """Light paths of a view in the bands of its case."""
 
     bands: ViewBands
-    views: tuple[TracedView, ...]
+    views: tuple[ViewByElement, ...]
     """Light paths in every band."""
 
     def rgb(
-        self, L: np.ndarray, light: Daylight, outside: OutsideLuminances, *, sky: bool, sun: bool
-    ) -> np.ndarray:
+        self, L: np.ndarray, light: Daylight, outside: OutsideLuminances, indices: Indices, *,
+        sky: bool, sun: bool,
+    ) -> np.ndarray:  # fmt: skip
         """Red, green and blue (primaries and white of BT.709) of a picture of luminances.
 
         Parameters
@@ -124,6 +131,8 @@ class ViewColours:
             Its one instant.
         outside : OutsideLuminances
             Sky, ground and sun of the instant.
+        indices : tuple of int
+            Fill of every opening.
         sky, sun : bool
             Sources whose light the picture shows.
 
@@ -137,7 +146,7 @@ class ViewColours:
         straight, gathered = np.zeros((2, 3, *L.shape))
         of_e, of_gathered, of_reflected = np.zeros((3, *L.shape))
         for seen, weight in zip(
-            self._parts(light, outside, sky=sky, sun=sun), weights.T, strict=True
+            self._parts(light, outside, indices, sky=sky, sun=sun), weights.T, strict=True
         ):
             E = _divided(seen.gathered, seen.reflected)
             e = _divided(_smooth(E * per_L), _smooth((seen.reflected > 0) * per_L))
@@ -156,15 +165,16 @@ class ViewColours:
         return np.ascontiguousarray(np.moveaxis(np.tensordot(to_rgb, xyz, 1), 0, -1), np.float32)
 
     def _parts(
-        self, light: Daylight, outside: OutsideLuminances, *, sky: bool, sun: bool
-    ) -> Iterator[LightParts]:
+        self, light: Daylight, outside: OutsideLuminances, indices: Indices, *, sky: bool,
+        sun: bool,
+    ) -> Iterator[LightParts]:  # fmt: skip
         """Parts of the light in every band."""
         under = self.bands.under(light, outside)
         for (here, of_band), traced in zip(under, self.views, strict=True):
             patches = of_band["sky"].values[0]
             if not sky:
                 here, patches = here.without_sky(), np.zeros_like(patches)
-            yield in_parts(traced, here if sun else here.without_sun(), patches)
+            yield in_parts(traced.in_state(indices), here if sun else here.without_sun(), patches)
 
 
 def _smooth(values: np.ndarray, edge: int = SQUARE) -> np.ndarray:

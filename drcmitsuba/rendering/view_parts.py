@@ -15,25 +15,25 @@ import numpy as np
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.picture.view import PictureView
 from drcmitsuba.rendering import stored_view
-from drcmitsuba.rendering.light_paths import Sampling, TracedView, trace, untraced
+from drcmitsuba.rendering.facade_scenes import FacadeScenes
+from drcmitsuba.rendering.light_paths import trace, untraced
+from drcmitsuba.rendering.pixel_paths import Sampling
+from drcmitsuba.rendering.view_by_element import ViewByElement
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, Stage, part
-from drcmitsuba.scene.scene import Scene
 
 MOST_MEMORY = 3 << 30
 """Largest size of light paths in memory [bytes]."""
-LOOKS = 4
-"""Number of looks at panes for each surface that light paths are reckoned with."""
 
 
 @dataclass(frozen=True)
 class ViewPart:
-    """Scene of a channel or a band, and the rays with which a view of it is traced."""
+    """Scenes of a channel or a band, and the rays with which a view of them is traced."""
 
     name: str
     """Name of its folder."""
-    scene: Scene
+    scenes: FacadeScenes
     sampling: Sampling
     accuracy: Accuracy
     stated: Mapping[str, Any] = field(default_factory=dict)
@@ -56,20 +56,21 @@ class ViewFrame:
     def of(self, part: ViewPart) -> dict[str, Any]:
         """Arguments of `trace` and `untraced`."""
         return {
-            "scene": part.scene, "view": self.view, "rows": self.rows, "columns": self.columns,
+            "scenes": part.scenes, "view": self.view, "rows": self.rows, "columns": self.columns,
             "sampling": part.sampling, "accuracy": part.accuracy,
             "subdivision": self.subdivision, "diameter": self.diameter,
         }  # fmt: skip
 
     def nbytes(self, part: ViewPart) -> int:
         """Size of a part's light paths [bytes], at most."""
-        return part.sampling.nbytes(LOOKS) * self.rows * self.columns
+        each = part.sampling.nbytes(part.scenes.looks, len(part.scenes.fills))
+        return each * self.rows * self.columns
 
 
 def traced(
     frame: ViewFrame, parts: Sequence[ViewPart], stated: Mapping[str, Any], folder: Path | None,
     stage: Stage,
-) -> tuple[TracedView, ...]:  # fmt: skip
+) -> tuple[ViewByElement, ...]:  # fmt: skip
     """Trace the parts of a view, or read those of the same view from a folder.
 
     Parameters
@@ -100,14 +101,14 @@ def traced(
     )
     ends = np.r_[0, sizes.cumsum()] / sizes.sum()
     rays = "rays, again: those stored are of another version" if older else "rays"
-    views: list[TracedView] = []
+    views: list[ViewByElement] = []
     with stage(rays) as done, _made(None if known else folder) as made:
         for i, (one, of) in enumerate(zip(parts, content, strict=True)):
             share = part(done, ends[i], ends[i + 1])
             if known and folder is not None:
                 begun = untraced(**frame.of(one))
-                light = stored_view.load_cells(begun.light, folder / one.name)
-                views.append(replace(begun, light=light))
+                cells = stored_view.load_cells(folder / one.name, one.accuracy.replicates)
+                views.append(replace(begun, cells=cells))
             else:
                 views.append(_traced(frame, one, of, made, share))
     if folder is None:
@@ -118,7 +119,7 @@ def traced(
 
 def _traced(
     frame: ViewFrame, one: ViewPart, stated: Mapping[str, Any], made: Path | None, share: Progress
-) -> TracedView:
+) -> ViewByElement:
     """Trace a part, whose light paths go to a folder where there is one."""
     if made is None:
         return trace(**frame.of(one), progress=share)
@@ -126,7 +127,7 @@ def _traced(
     here.mkdir(parents=True)
     keep = partial(stored_view.save_paths, folder=here)
     view = trace(**frame.of(one), progress=share, keep=keep)
-    stored_view.save_cells(view.light, here, dict(stated))
+    stored_view.save_cells(view.cells, here, dict(stated))
     return view
 
 

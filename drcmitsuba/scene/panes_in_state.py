@@ -141,6 +141,8 @@ class GroupedPanes:
     """Corners, fronts into the room, as in `surfaces_of` [m], shape (quad, 4, 3)."""
     materials: tuple[SurfaceMaterial | None, ...]
     """Material in each state of the group; None is a hole."""
+    name: str = ""
+    """Name of their surface."""
 
 
 def grouped_panes(
@@ -156,10 +158,11 @@ def grouped_panes(
             group = front.groups.strip(name, side)
             if group != NO_GROUP and quads:
                 materials = [front.strip(name, side, i) for i in range(len(states[group]))]
-                found.append((group, np.array(quads), materials))
+                found.append((group, np.array(quads), materials, f"{name} {side}"))
     for i, of_layer in enumerate(panes_of_model(case.building).quads):
         layer, of_quads = case.building.layers[i], front.groups.of_quads[i]
         for group in np.unique(of_quads[of_quads != NO_GROUP]).tolist():
             materials = [front.layer(layer, group, k) for k in range(len(states[group]))]
-            found.append((group, of_layer[of_quads == group] - origin(case), materials))
-    return [GroupedPanes(group, quads @ turn.T, tuple(m)) for group, quads, m in found]
+            quads = of_layer[of_quads == group] - origin(case)
+            found.append((group, quads, materials, layer.name))
+    return [GroupedPanes(group, quads @ turn.T, tuple(m), name) for group, quads, m, name in found]

@@ -24,7 +24,9 @@ from drcmitsuba.export.scene_files import scene_files
 from drcmitsuba.export.sources import SKY
 from drcmitsuba.picture.view import PictureView
 from drcmitsuba.rendering.coefficient_pictures import coefficient_pictures
-from drcmitsuba.rendering.light_paths import Sampling, trace
+from drcmitsuba.rendering.facade_scenes import FacadeScenes
+from drcmitsuba.rendering.light_paths import trace
+from drcmitsuba.rendering.pixel_paths import Sampling
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.surfaces import surfaces_of
@@ -38,9 +40,9 @@ SIZE = 512 * 512
 def ours(world, size: int, sampling: Sampling, seed: int) -> np.ndarray:
     """Coefficients (pixel, bin) from light paths."""
     traced = trace(
-        world, VIEW, size, size, sampling=sampling, accuracy=Accuracy(seed=seed), subdivision=1,
-        diameter=0.5,
-    )  # fmt: skip
+        FacadeScenes.alone(world), VIEW, size, size, sampling=sampling,
+        accuracy=Accuracy(seed=seed), subdivision=1, diameter=0.5,
+    ).in_state()  # fmt: skip
     parts = [part["coefficient"].values for part in coefficient_pictures(traced)]
     return np.concatenate(parts).reshape(size * size, -1)
 

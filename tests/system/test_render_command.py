@@ -70,6 +70,20 @@ def test_frames_and_bins_follow_without_tracing_again(rendered, monkeypatch):
     assert np.array_equal(before, picture.read("out/desk_03-20_1200.hdr").rgb)
 
 
+def test_states_follow_without_tracing_again_each_in_its_own_file(rendered, monkeypatch):
+    monkeypatch.setattr(stored_view, "save_paths", None)  # tracing would call it
+    monkeypatch.chdir(rendered)
+    states = ("--state", "open", "--state", "shaded")
+    run(monkeypatch, "render", "room.toml", "--time", "03-20 12:00", *states, *SMALL)
+    files = (f"out/desk_03-20_1200{name}.hdr" for name in ("", "_open", "_shaded"))
+    before, is_open, shut = (picture.read(file).luminance for file in files)
+    assert np.allclose(is_open, before, rtol=1e-5)
+    assert 0 < shut.mean() < 0.5 * is_open.mean()
+    kept = prepare("room.toml", "desk", size=24, folder="out").at("03-20 12:00", state="shaded")
+    memory = prepare("room.toml", "desk", size=24).at("03-20 12:00", state="shaded")
+    assert np.allclose(kept.picture.rgb, memory.picture.rgb, rtol=1e-4)
+
+
 def test_pictures_of_the_sky_and_of_the_sun_add_up(rendered, monkeypatch):
     monkeypatch.chdir(rendered)
     parts = []
@@ -211,6 +225,7 @@ def test_a_night_is_a_dark_picture_and_said(rendered, monkeypatch, capsys):
         (CASE + VIEW, ("--bins", "--time-limit", "9"), "given without --target; give --target"),
         (CASE + VIEW, ("--time", "03-20 12:00", "--target", "1 point"), 'write "2 %", of the'),
         (CASE + VIEW, ("--bins", "--state", "applied"), "with --bins; bins have no hour"),
+        (CASE + VIEW, ("--bins", "--state", "open", "--state", "shaded"), "bins have no hour"),
         (
             changed((SHADING, "")) + VIEW, ("--time", "03-20 12:00", "--state", "applied"),
             "shading: none; add [shading] or [groups] to the case, or give another state",

@@ -23,8 +23,10 @@ from drcmitsuba.export.sources import SKY, SUN_RADIANCE, sun_text
 from drcmitsuba.picture import hdr
 from drcmitsuba.picture.picture import EFFICACY, Picture
 from drcmitsuba.picture.view import PictureView
+from drcmitsuba.rendering.facade_scenes import FacadeScenes
 from drcmitsuba.rendering.hour import luminance, replicates
-from drcmitsuba.rendering.light_paths import Sampling, trace
+from drcmitsuba.rendering.light_paths import trace
+from drcmitsuba.rendering.pixel_paths import Sampling
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.surfaces import surfaces_of
@@ -57,9 +59,10 @@ def outside(sun=LUMINANCE):
 def prepared(world, view, size, samples, *, solved, **accuracy):
     world = replace(world, effects=replace(world.effects, solved_cells=solved))
     return trace(
-        world, view, size, size, sampling=Sampling(samples), subdivision=1, diameter=0.5,
+        FacadeScenes.alone(world), view, size, size, sampling=Sampling(samples),
+        subdivision=1, diameter=0.5,
         accuracy=Accuracy(replicates=16, **accuracy),
-    )  # fmt: skip
+    ).in_state()  # fmt: skip
 
 
 @pytest.mark.slow

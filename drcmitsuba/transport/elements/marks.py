@@ -8,6 +8,7 @@ probability, times the product of the shares of the elements of the mark holds f
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import drjit as dr
 import mitsuba as mi
@@ -17,7 +18,9 @@ from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, SurfaceMa
 from drcmitsuba.runtime.flat_arrays import flat_indices
 from drcmitsuba.scene.materials import bsdf
 from drcmitsuba.scene.meshes import paired_mesh
+from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 from drcmitsuba.scene.panes_in_state import GroupedPanes
+from drcmitsuba.scene.scene import Scene
 
 MEETINGS = 3
 """Times that a path may meet openings; light that meets more of them, some 10⁻⁵ of E, is lost."""
@@ -38,13 +41,17 @@ class OpeningMarks:
         Colour channel, −1 for luminance.
     beyond : bool
         Whether light may leave by a pane and come back.
+    deposits : bool
+        Whether light is deposited on panes that scatter, as if they sent it on evenly; else their
+        light is part of the deposit on all that they light.
     """
 
     def __init__(
-        self, panes: Sequence[GroupedPanes], first: np.ndarray, channel: int, beyond: bool
-    ) -> None:
-        quads = np.concatenate([each.quads for each in panes])
-        self.mesh = paired_mesh("panes", quads)
+        self, panes: Sequence[GroupedPanes], first: np.ndarray, channel: int, beyond: bool, *,
+        deposits: bool = True,
+    ) -> None:  # fmt: skip
+        self.quads = np.concatenate([each.quads for each in panes])
+        self.mesh = paired_mesh("panes", self.quads)
         self.context = mi.BSDFContext()
         self._panes = mi.ShapePtr(self.mesh)
         piece = np.repeat(np.arange(len(panes)), [len(each.quads) for each in panes])
@@ -62,9 +69,21 @@ class OpeningMarks:
         self._piece = flat_indices(piece)
         hole = {"type": "null"}
         self._bsdfs = [mi.load_dict(hole if m is None else bsdf(m, channel)) for m in kinds]
-        scatters = [isinstance(m, DiffuserMaterial | BsdfMaterial) for m in kinds]
+        scatters = [deposits and isinstance(m, DiffuserMaterial | BsdfMaterial) for m in kinds]
         self._scatters = mi.Bool(scatters)
         self._beyond = beyond
+
+    def placed_in(self, empty: Scene) -> Scene:
+        """Scene with these panes, whose fill is left open, in the empty places of a scene."""
+
+        def with_panes(shapes: Sequence[mi.Shape]) -> mi.Scene:
+            return mitsuba_scene({f"shape{i}": one for i, one in enumerate((*shapes, self.mesh))})
+
+        corners = np.concatenate([empty.corners, self.quads.reshape(-1, 3)])
+        world = empty.searched(full=with_panes(empty.full.shapes()), corners=corners)
+        if empty.faces is None or empty.apart is None:
+            return world
+        return replace(world, faces=empty.faces, apart=with_panes(empty.apart.shapes()))
 
     def meet(
         self, si: mi.SurfaceInteraction3f, mark: mi.UInt32, number: mi.Float
@@ -85,6 +104,18 @@ class OpeningMarks:
         scatters = mine & dr.gather(mi.Bool, self._scatters, kind, mine)
         mark = dr.select(mine, (mark << BITS) | element, mark)
         return chosen, mark, factor, mi.Bool(True), scatters
+
+
+def share_of(mark: mi.UInt32, shares: mi.Float) -> mi.Float:
+    """Product of the shares of the elements that paths met [–].
+
+    `shares` are those of nothing, which is 1, and of all elements, shape (1 + element,).
+    """
+    product = mi.Float(1)
+    for meeting in range(MEETINGS):
+        met = (mark >> (BITS * meeting)) & MOST_ELEMENTS
+        product *= dr.gather(mi.Float, shares, met)
+    return product
 
 
 def elements_of(mark: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ every cell the value of its block.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
@@ -178,12 +178,7 @@ class SolvedPaths:
     @cached_property
     def _shut(self) -> Transfer:
         """T of the rays that met no opening."""
-        bounces = tuple(
-            one._replace(weight=dr.select(mark == 0, one.weight, 0))
-            for one, mark in zip(self.transfer.bounces, self.transfer.marks, strict=True)
-        )
-        dr.eval(bounces)
-        return replace(self.transfer, bounces=bounces, marks=())
+        return self.transfer.weighed(lambda mark: dr.select(mark == 0, mi.Float(1), 0))
 
     @cached_property
     def _means(self) -> csr_matrix:

@@ -30,7 +30,6 @@ from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import origin
-from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_in_state import grouped_panes, groups_with_surfaces
 from drcmitsuba.scene.prepared_case import prepared
@@ -147,10 +146,7 @@ class ElementTrace:
         label = groups.label([HIDDEN] * len(groups))
         hidden = scene.load(case, label, channel, effects, openings)
         marks = OpeningMarks(panes, np.array(groups.starts), channel, effects.beyond)
-        shapes = {f"shape{i}": shape for i, shape in enumerate((*hidden.full.shapes(), marks.mesh))}
-        corners = np.concatenate([hidden.corners, *(each.quads.reshape(-1, 3) for each in panes)])
-        full = mitsuba_scene(shapes)
-        world = hidden.searched(full=full, corners=corners)
+        world = marks.placed_in(hidden.searched())
         # What a film sends back by its lobes is followed on paths.
         is_even = not any(isinstance(m, BsdfMaterial) for each in panes for m in each.materials)
         on_cells = effects.solved_cells and is_even and draws == 1

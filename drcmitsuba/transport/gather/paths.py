@@ -29,7 +29,7 @@ from drcmitsuba.transport.cells.cells import CellGrid
 from drcmitsuba.transport.cells.vertices import VertexStore, Vertices
 from drcmitsuba.transport.rays.bsdf_lookup import absorption, absorption_after, share_left
 from drcmitsuba.transport.rays.even_rays import first_directions
-from drcmitsuba.transport.rays.first_hit import InBox, Searched
+from drcmitsuba.transport.rays.first_hit import InBox
 
 ROULETTE_DEPTH = 3
 """Depth from which paths undergo roulette."""
@@ -224,7 +224,7 @@ def _trace(
     inside, before = mi.Float(0), mi.Point3f(p)
     active = dr.full(mi.Bool, True, lanes)
     flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
-    surfaces = InBox.of(scene) if marks is None else Searched(scene.full)
+    surfaces = InBox.of(scene)
     share = dr.opaque(mi.Float, 1 / paths)
     tag = own * dr.opaque(mi.UInt32, paths) + index
     limit = dr.opaque(mi.UInt32, ANY_DEPTH if scene.effects.depth is None else scene.effects.depth)

@@ -21,6 +21,7 @@ computed.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -136,6 +137,15 @@ class Transfer:
     def cells(self) -> int:
         """Number of cells."""
         return dr.width(self.blocks.of)
+
+    def weighed(self, share: Callable[[mi.UInt32], mi.Float]) -> Transfer:
+        """T whose rays count with a share that follows from their marks."""
+        bounces = tuple(
+            one._replace(weight=one.weight * share(mark))
+            for one, mark in zip(self.bounces, self.marks, strict=True)
+        )
+        dr.eval(bounces)
+        return replace(self, bounces=bounces, marks=())
 
     def sent(self, replicates: range) -> RayMatrix:
         """W·T, shape (replicate · block, cell)."""

@@ -84,6 +84,12 @@ class PanePatches:
         n = np.cross(self.u, self.v)
         return n / np.linalg.norm(n, axis=1, keepdims=True)
 
+    @property
+    def middle(self) -> np.ndarray:
+        """Centroid of every patch [m], shape (patch, 3)."""
+        share = np.where(self.triangular, 1 / 3, 1 / 2)[:, None]
+        return np.asarray(self.corner + share * (self.u + self.v))
+
     @cached_property
     def scene(self) -> mi.Scene:
         """Scene of the patches alone; primitives 2i and 2i + 1 are the triangles of patch i."""

@@ -22,8 +22,10 @@ from drcmitsuba.model.materials import (
     MirrorMaterial,
 )
 from drcmitsuba.picture.view import PictureView
+from drcmitsuba.rendering.facade_scenes import FacadeScenes
 from drcmitsuba.rendering.hour import replicates
-from drcmitsuba.rendering.light_paths import Sampling, trace
+from drcmitsuba.rendering.light_paths import trace
+from drcmitsuba.rendering.pixel_paths import Sampling
 from drcmitsuba.scene.geometry import Surface, quad
 from drcmitsuba.scene.scene import build
 from drcmitsuba.sky.sun_models import Suns
@@ -104,9 +106,9 @@ def test_a_picture_is_as_bright_as_glare_has_it(name, tmp_path):
     world = build(surfaces)
     outside = Patchwise(np.zeros((2, 2)), 0.0, sun, SUN, DIAMETER)
     traced = trace(
-        world, VIEW, SIZE, SIZE, sampling=Sampling(256, paths=4, sky=8), subdivision=1,
-        diameter=DIAMETER, accuracy=Accuracy(replicates=8, cell_size=0.2),
-    )  # fmt: skip
+        FacadeScenes.alone(world), VIEW, SIZE, SIZE, sampling=Sampling(256, paths=4, sky=8),
+        subdivision=1, diameter=DIAMETER, accuracy=Accuracy(replicates=8, cell_size=0.2),
+    ).in_state()  # fmt: skip
     shown = replicates(traced, outside, LUMINANCES)
     finer = 7
     x, y = np.meshgrid(*2 * [(np.arange(SIZE * finer) + 0.5) / (SIZE * finer)])

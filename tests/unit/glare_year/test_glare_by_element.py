@@ -11,8 +11,9 @@ from drcmitsuba.annual.applied_states import AppliedStates
 from drcmitsuba.annual.run import Run
 from drcmitsuba.case.schedule import hour_of_year
 from drcmitsuba.case.sun import Adaptive
+from drcmitsuba.eye.openings import note_of
 from drcmitsuba.glare_year import year
-from drcmitsuba.glare_year.element_sampler import ElementSampler, note_of
+from drcmitsuba.glare_year.element_sampler import ElementSampler
 from drcmitsuba.glare_year.eyes import eyes
 from drcmitsuba.glare_year.rounds import StateSampler
 from drcmitsuba.glare_year.rule import Rule

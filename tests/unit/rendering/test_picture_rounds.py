@@ -73,12 +73,13 @@ class Made:
         self.clock += 10
         return self
 
-    def at(self, instant, source):
+    def at(self, instant, source, state):
         return rendering(100.0, 1.0 if instant == NOON else 0.1, time=instant)
 
 
 def pictures(view, percent, seconds, instants=(NOON, EVENING)):
-    return list(toward(PictureTarget(percent, seconds), view, instants, "all", None))
+    shown = [(instant, "open") for instant in instants]
+    return list(toward(PictureTarget(percent, seconds), view, shown, "all", None))
 
 
 def test_rounds_end_where_every_picture_has_the_target(monkeypatch):

@@ -15,8 +15,10 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.picture.picture import Picture
 from drcmitsuba.picture.view import PictureView
 from drcmitsuba.rendering.coefficient_pictures import coefficient_pictures
+from drcmitsuba.rendering.facade_scenes import FacadeScenes
 from drcmitsuba.rendering.hour import luminance, replicates
-from drcmitsuba.rendering.light_paths import Sampling, trace
+from drcmitsuba.rendering.light_paths import trace
+from drcmitsuba.rendering.pixel_paths import Sampling
 from drcmitsuba.rendering.view_rays import directions
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.surfaces import surfaces_of
@@ -36,9 +38,10 @@ def outside(sun=SUN):
 def traced(world, *, solved, view=EYE, size=SIZE, samples=512, **accuracy):
     world = replace(world, effects=replace(world.effects, solved_cells=solved))
     return trace(
-        world, view, size, size, sampling=Sampling(samples, paths=8, sky=8, panes=4),
+        FacadeScenes.alone(world), view, size, size,
+        sampling=Sampling(samples, paths=8, sky=8, panes=4),
         accuracy=Accuracy(replicates=16, **accuracy), subdivision=1, diameter=0.5,
-    )  # fmt: skip
+    ).in_state()  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", ["perspective", "hemispherical", "equidistant", "equisolid"])

@@ -11,9 +11,11 @@ from drcmitsuba_plugins.sampling import disk_solid_angle, sample_disk
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.model.materials import GlazingMaterial, Lambertian, MirrorMaterial
 from drcmitsuba.picture.view import PictureView
+from drcmitsuba.rendering.facade_scenes import FacadeScenes
 from drcmitsuba.rendering.hour import luminance, replicates
-from drcmitsuba.rendering.light_paths import Sampling, trace
+from drcmitsuba.rendering.light_paths import trace
 from drcmitsuba.rendering.outside import OutsideLuminances
+from drcmitsuba.rendering.pixel_paths import Sampling
 from drcmitsuba.rendering.stored_view import save_paths, with_tiles_of
 from drcmitsuba.scene.geometry import Surface, quad
 from drcmitsuba.scene.materials import bsdf
@@ -40,13 +42,13 @@ def wall(west=-9.0, low=-9.0):
 
 
 def seen(*surfaces, towards=IMAGE, angle=20.0, samples=16, size=SIZE):
-    """Light paths of a view, and the solid angles of its pixels [sr]."""
+    """Light paths of a view by element, and the solid angles of its pixels [sr]."""
     view = PictureView("equidistant", tuple(towards), (0, 0, 1), (angle, angle), tuple(EYE))
     traced = trace(
-        build(list(surfaces)), view, size, size, sampling=Sampling(samples),
+        FacadeScenes.alone(build(list(surfaces))), view, size, size, sampling=Sampling(samples),
         accuracy=Accuracy(replicates=16), subdivision=1, diameter=DIAMETER,
     )  # fmt: skip
-    return traced, view.solid_angles(size, size)
+    return traced.in_state(), view.solid_angles(size, size)
 
 
 def share(*surfaces, **view):
@@ -197,9 +199,9 @@ def test_surfaces_in_a_picture_have_the_sun_by_rough_mirrors(same):
     ]
     view = PictureView("equidistant", (0.0, 1, -0.3), (0, 0, 1), (100, 100), tuple(EYE))
     traced = trace(
-        build(surfaces), view, 10, 10, sampling=Sampling(256, paths=8), subdivision=1,
-        diameter=DIAMETER, accuracy=Accuracy(replicates=16, cell_size=0.3),
-    )  # fmt: skip
+        FacadeScenes.alone(build(surfaces)), view, 10, 10, sampling=Sampling(256, paths=8),
+        subdivision=1, diameter=DIAMETER, accuracy=Accuracy(replicates=16, cell_size=0.3),
+    ).in_state()  # fmt: skip
     here = replicates(traced, OUTSIDE, DARK)
     there = pictures(surfaces, view, 10, SUN)[..., 146] * LUMINANCE
     same(here, other=there, within=0.02)

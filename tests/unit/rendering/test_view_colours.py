@@ -123,7 +123,7 @@ def test_stored_light_paths_of_bands_give_the_same_picture(tmp_path):
     folders = tmp_path / "desk_light_paths"
     assert {p.name for p in folders.iterdir()} == {"channel_0", *(f"band_{k}" for k in range(9))}
     others = room(spectra={"floor": (0.2, 0.25, 0.3)})
-    kept = [ViewBands.of(one, "open").tints.content for one in (case, others)]
+    kept = [ViewBands.of(one, ["open"]).tints.content for one in (case, others)]
     assert kept[0] != kept[1]  # so that paths of other spectra are traced anew
 
 
