@@ -151,16 +151,16 @@ def render(
     with stages() as stage:
         if bins:
             prepared = prepare(
-                loaded, view, size=wanted, sampling=sampling, state=states[0], folder=output,
-                stage=stage,
+                loaded, view, size=wanted, sampling=sampling, state=states[0], states=states,
+                folder=output, stage=stage,
             )  # fmt: skip
             with stage("pictures") as done:
                 files += prepared.save_bins(output, done)
         seconds = (TIME_LIMIT if time_limit is None else time_limit) / len(states)
         for one in states:
             for rendering in frames(
-                loaded, view, instants, size=wanted, sampling=sampling, state=one, folder=output,
-                source=source.value, target=target, time_limit=seconds, stage=stage,
+                loaded, view, instants, size=wanted, sampling=sampling, state=one, states=states,
+                folder=output, source=source.value, target=target, time_limit=seconds, stage=stage,
             ):  # fmt: skip
                 told = list(rendering.notes)
                 name = rendering.name + (f"_{file_name(one)}" if len(states) > 1 else "")

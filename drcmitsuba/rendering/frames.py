@@ -35,13 +35,14 @@ TIME_LIMIT = 60.0
 def frames(
     case: Case | str | Path, view: str | None, times: Sequence[str | np.datetime64], *,
     size: Size = COLUMNS, sampling: Sampling | None = None, state: State = OPEN,
-    source: Source = "all", target: str | None = None, time_limit: float = TIME_LIMIT,
-    folder: str | Path | None = None, stage: Stage = silent,
+    states: Sequence[State] = (), source: Source = "all", target: str | None = None,
+    time_limit: float = TIME_LIMIT, folder: str | Path | None = None, stage: Stage = silent,
 ) -> Iterator[Rendering]:  # fmt: skip
     """Render a view of a case at some instants, state of the façade by state.
 
-    Light paths are traced once for all states. Where states have surfaces of their own, they are
-    traced for every state that occurs, and those of one state are in memory at a time.
+    Light paths are traced once for all states, or for the one that occurs. Where states have
+    surfaces of their own, they are traced for every state that occurs, and those of one state are
+    in memory at a time.
 
     Parameters
     ----------
@@ -49,6 +50,8 @@ def frames(
         Local standard times, such as "03-21 10:30".
     state : str
         State of the façade, or `applied`: at each time the one that the shade takes in its hour.
+    states : sequence of str, optional
+        States that are shown later from the same folder: light paths are traced for all.
     source : {"all", "sky", "sun"}
         Light that is shown, as for `PreparedView.at`.
     target : str, optional
@@ -90,8 +93,9 @@ def frames(
     for mine in _together(case, shown):
         first = mine[0][1]
         prepared = prepare(
-            case, view, size=size, sampling=sampling, state=first, folder=folder, stage=stage
-        )
+            case, view, size=size, sampling=sampling, state=first, states=(*states, *by_time),
+            folder=folder, stage=stage,
+        )  # fmt: skip
         with stage("pictures" if len(mine) == len(shown) else f"pictures, {first}") as done:
             if goal is None:
                 for i, (instant, one) in enumerate(mine, 1):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -19,8 +19,8 @@ from drcmitsuba.eye.openings import note_of
 from drcmitsuba.picture.exr_header import BT709
 from drcmitsuba.picture.picture import RADIANCE, Picture
 from drcmitsuba.picture.view import PictureView
-from drcmitsuba.plan import plan, reflected
 from drcmitsuba.rendering import stored_view
+from drcmitsuba.rendering.asked_view import AskedView, effects_of_view
 from drcmitsuba.rendering.coefficient_pictures import coefficient_pictures
 from drcmitsuba.rendering.hour import luminance
 from drcmitsuba.rendering.light_paths import trace
@@ -29,7 +29,7 @@ from drcmitsuba.rendering.pixel_paths import Sampling
 from drcmitsuba.rendering.rendering import Rendering, Source, file_name
 from drcmitsuba.rendering.traced_view import TracedView
 from drcmitsuba.rendering.view_by_element import ViewByElement
-from drcmitsuba.rendering.view_colours import ViewBands, ViewColours
+from drcmitsuba.rendering.view_colours import ViewColours
 from drcmitsuba.rendering.view_facade import ViewFacade
 from drcmitsuba.rendering.view_of_case import (
     COLUMNS,
@@ -39,14 +39,12 @@ from drcmitsuba.rendering.view_of_case import (
     picture_view,
     shape_of,
 )
-from drcmitsuba.rendering.view_parts import ViewFrame, ViewPart, traced
+from drcmitsuba.rendering.view_parts import ViewFrame, traced
 from drcmitsuba.runtime import backend, storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, Stage, part, silent
 from drcmitsuba.runtime.provenance import program
-from drcmitsuba.scene import scene
-from drcmitsuba.scene.enabled_effects import EnabledEffects
-from drcmitsuba.scene.fills import Fills, effects_of
+from drcmitsuba.scene.fills import Fills
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import Daylight, daylight, period, weather_of
 
@@ -228,26 +226,10 @@ def _notes(case: Case, instant: np.datetime64, light: Daylight) -> tuple[str, ..
     return tuple(notes)
 
 
-def _effects(facade: ViewFacade, fills: Fills, pixels: int) -> EnabledEffects:
-    """Effects of a picture at any hour, and whether light between surfaces is solved on cells."""
-    case = facade.case
-    planned = plan(case, daylight(case))
-    scope = planned.scope
-    if fills and facade.panes is not None:
-        scope = effects_of(facade.panes, scope, case.effects)
-    solved = reflected.solved_cells(planned.facts, scope.depth, pixels)
-    solved = solved.decided("solved_cells", case.effects.solved_cells)
-    channels = False if case.colour.wavelengths else scope.channels  # bands have the colour
-    return replace(
-        scope, sky=True, suns=True, shade=True, solved_cells=solved.on and scope.depth != 0,
-        channels=channels,
-    )  # fmt: skip
-
-
 def prepare(
     case: Case | str | Path, view: str | None = None, *, size: Size = COLUMNS,
-    sampling: Sampling | None = None, state: State = OPEN, fills: Fills = (),
-    folder: str | Path | None = None, stage: Stage = silent,
+    sampling: Sampling | None = None, state: State = OPEN, states: Sequence[State] = (),
+    fills: Fills = (), folder: str | Path | None = None, stage: Stage = silent,
 ) -> PreparedView:  # fmt: skip
     """Trace the light paths of a view, for all states of its façade.
 
@@ -264,6 +246,9 @@ def prepare(
     state : str
         State of the façade that pictures show unless they are asked for another one. Where states
         have surfaces of their own, light paths are traced in this one alone.
+    states : sequence of str, optional
+        States that pictures will show; by default all, and any choice of fills. Light paths of one
+        state alone take about half of the time.
     fills : sequence of str, or mapping of str to sequence of str, optional
         Further fills of all openings, or of some by their names, as for `drcmitsuba.elements`. By
         default what the case itself may put there.
@@ -296,33 +281,20 @@ def prepare(
     rows, columns = shape_of(shown, size)
     with stage("plan"):
         facade = ViewFacade.of(case, state, fills)
-        effects = _effects(facade, fills, rows * columns)
+        effects = effects_of_view(facade, fills, rows * columns)
     sampling = (sampling or Sampling()).rounded(case.accuracy.replicates)
     stated = {
         "case": fingerprint(case, effects), "view": shown.options(), "rows": rows,
-        "columns": columns, "facade": facade.stated, "seed": case.accuracy.seed,
+        "columns": columns, "seed": case.accuracy.seed,
         "format": stored_view.FORMAT, "program": program(),
     }  # fmt: skip
-    path = None if folder is None else Path(folder) / f"{_kept_name(name, facade)}_light_paths"
     frame = ViewFrame(
         in_the_scene(case, shown), rows, columns, case.sky.subdivision, case.outside.sun_diameter
     )
-    parts = [
-        ViewPart(
-            f"channel_{max(0, channel)}", facade.scenes(channel, effects), sampling, case.accuracy
-        )
-        for channel in scene.channels_of(case, effects)
-    ]
-    bands, channels = ViewBands.of(case, facade.states), len(parts)
-    if bands is not None:
-        scenes = partial(facade.scenes, effects=effects)
-        parts += bands.parts(lambda channel, tint: scenes(channel, tint=tint), sampling)
-    views = traced(frame, parts, stated, path, stage)
-    colours = None if bands is None else ViewColours(bands, views[channels:])
-    return PreparedView(case, name, shown, facade, views[:channels], colours)
-
-
-def _kept_name(view: str, facade: ViewFacade) -> str:
-    """Part of a folder's name for a view, in the one state of its façade where it has one."""
-    alone = facade.panes is None and facade.state != OPEN
-    return file_name(f"{view}_{facade.state}" if alone else view)
+    if {*states} == {state} and not fills:
+        facade = facade.alone()
+    there = None if folder is None else Path(folder)
+    asked = AskedView(name, facade, effects, sampling, stated, there)
+    views = traced(frame, asked.parts, asked.content, asked.path, stage)
+    colours = None if asked.bands is None else ViewColours(asked.bands, views[asked.channels :])
+    return PreparedView(case, name, shown, asked.facade, views[: asked.channels], colours)

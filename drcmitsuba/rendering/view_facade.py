@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -61,6 +61,10 @@ class ViewFacade:
         panes = openings_of(case, fills)
         fit = any(panes.states.closable) and panes.states.starts[-1] <= MOST_ELEMENTS
         return cls(case, state, panes if fit else None)
+
+    def alone(self) -> ViewFacade:
+        """Façade in the one state."""
+        return replace(self, panes=None)
 
     @property
     def states(self) -> list[State]:

@@ -16,10 +16,10 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.schedule import HOURS
 from drcmitsuba.picture.view import PictureView
 from drcmitsuba.rendering import Sampling, frames, prepare
+from drcmitsuba.rendering.asked_view import effects_of_view
 from drcmitsuba.rendering.coefficient_pictures import coefficient_pictures
 from drcmitsuba.rendering.hour import luminance, replicates
 from drcmitsuba.rendering.light_paths import trace
-from drcmitsuba.rendering.prepared_view import _effects
 from drcmitsuba.rendering.view_facade import ViewFacade
 from drcmitsuba.rendering.view_of_case import in_the_scene
 from drcmitsuba.sky.daylight import daylight
@@ -96,7 +96,9 @@ def two_rooms(folder):
 
 def traced(facade, seed, *, fills=(), samples=256, pane_to_pane=False):
     """View of a façade, by element where it is open to choice."""
-    effects = dataclasses.replace(_effects(facade, fills, SIZE**2), pane_to_pane=pane_to_pane)
+    effects = dataclasses.replace(
+        effects_of_view(facade, fills, SIZE**2), pane_to_pane=pane_to_pane
+    )
     return trace(
         facade.scenes(-1, effects), in_the_scene(facade.case, VIEW),
         SIZE, SIZE, sampling=Sampling(samples, paths=8, sky=8, panes=8), subdivision=1,
@@ -218,7 +220,20 @@ def test_states_with_surfaces_of_their_own_are_traced_one_by_one(tmp_path):
     assert [frame.state for frame in shown] == ["open", "dark"]
     assert 0 < shown[1].picture.luminance.mean() < 0.5 * shown[0].picture.luminance.mean()
     names = sorted(path.name for path in (tmp_path / "out").iterdir())
-    assert names == ["desk_dark_light_paths", "desk_light_paths"]
+    assert names == ["desk_dark_light_paths", "desk_open_light_paths"]
+
+
+def test_one_state_is_traced_alone(tmp_path):
+    case, kind = corner(views=DESK), {"size": 8, "sampling": Sampling(paths=4), "folder": tmp_path}
+    alone = prepare(case, states=["open"], **kind)
+    assert alone.fills == {}
+    assert [path.name for path in tmp_path.iterdir()] == ["desk_open_light_paths"]
+    several = prepare(case, state="shaded", states=["open", "shaded"], **kind)
+    assert [*several.fills] == ["south", "east"]
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == ["desk_light_paths", "desk_open_light_paths"]
+    a, b = (one.at(NOON, state="open").picture.luminance.mean() for one in (alone, several))
+    assert a == pytest.approx(b, rel=0.05)
 
 
 def test_paths_count_with_the_shares_of_all_that_they_met():
