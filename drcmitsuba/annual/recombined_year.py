@@ -1,4 +1,4 @@
-"""A year of known light by element: E of the states of a façade, and C where it is asked for."""
+"""Any façade of known elements: E of its states, metrics, and C where it is asked for."""
 
 from __future__ import annotations
 
@@ -9,14 +9,18 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.annual.chosen_facade import ChosenFacade
+from drcmitsuba.annual.result import Result, summed_up
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.simulated_year import SimulatedYear, simulated_year, taken_states
+from drcmitsuba.annual.spectral_year import left_out
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, VARYING, State
 from drcmitsuba.metrics import accumulate, illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients, LaterCoefficients
+from drcmitsuba.metrics.evaluate_metrics import evaluate_metrics
 from drcmitsuba.metrics.facade_states import FacadeStates
 from drcmitsuba.metrics.later_arrays import LaterArrays
+from drcmitsuba.plan import Plan
 from drcmitsuba.runtime.progress import silent
 from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.schema import describe
@@ -24,6 +28,40 @@ from drcmitsuba.sky.daylight import Daylight
 
 ENDS = ("", "_se")
 """Endings of the names of a quantity and of its standard error."""
+
+
+def recombined(
+    facade: ChosenFacade, planned: Plan, daylight: Daylight, run: Run, remarks: Sequence[str],
+    stage: str = "accumulation and metrics",
+) -> Result:  # fmt: skip
+    """Evaluate a façade of known elements: E, metrics and their intervals, without tracing.
+
+    Parameters
+    ----------
+    facade : ChosenFacade
+        Façade whose `light`, where it is known, is that of the daylight.
+    planned : Plan
+        Plan of the case whose rules the metrics follow.
+    daylight : Daylight
+    run : Run
+    remarks : sequence of str
+        Notes on the films and the shade.
+    stage : str
+        Name of the only stage, which the run shows.
+    """
+    case = planned.facts.case
+    if not facade.moving.groups:
+        case = case.with_tables(shading=None, groups={})
+    with one_blas_thread():
+        with run.timed(stage):
+            year, coefficients = recombined_year(facade, case, daylight, run)
+            evaluated = evaluate_metrics(
+                case, year.daylight, year.coefficients, year.direct, year.shade
+            )
+        notes = [*remarks, *left_out(case)]
+        result = summed_up(planned.summed(always=True), coefficients, evaluated, run, notes)
+    E = with_open_state(result.illuminance, facade, coefficients, year.daylight)
+    return replace(result, illuminance=E, daylight=year.daylight)
 
 
 def recombined_year(

@@ -72,7 +72,7 @@ def test_rows_are_those_of_variants_by_their_own_thresholds(plan, cases, tmp_pat
 
 
 def test_a_stop_keeps_the_rows_that_are_done(plan, tmp_path, monkeypatch):
-    whole, begun = SharedElements.simulated, []
+    whole, begun = SharedElements.evaluate, []
 
     def stopped(self, number, judged):
         begun.append(number)
@@ -80,10 +80,10 @@ def test_a_stop_keeps_the_rows_that_are_done(plan, tmp_path, monkeypatch):
             raise KeyboardInterrupt
         return whole(self, number, judged)
 
-    monkeypatch.setattr(SharedElements, "simulated", stopped)
+    monkeypatch.setattr(SharedElements, "evaluate", stopped)
     with pytest.raises(KeyboardInterrupt):
         study(plan, tmp_path / "out")
-    assert len([*(tmp_path / "out" / "rows").iterdir()]) == 2  # the third was being judged
+    assert len([*(tmp_path / "out" / "rows").iterdir()]) == 3
 
 
 def test_an_unfit_film_is_told_in_its_row_alone(plan, tmp_path):
