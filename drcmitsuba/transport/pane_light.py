@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
+from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Key
 from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.films.answers import SunCells, SunRadiance
@@ -31,6 +33,14 @@ class SunsOnFilm(NamedTuple):
         """Light that receivers get, as `Irradiance.through`."""
         sky = dr.zeros(mi.TensorXf, (weights.shape[0], self.bins[0]))
         return Irradiance(sky, self.films.of_all_suns(self.suns.sent(weights), self.bins[1]))
+
+    def by_bin(self, weights: np.ndarray) -> Iterator[np.ndarray]:
+        """Yield light by bin of every replicate, as `Irradiance.by_bin`."""
+        W = np.ascontiguousarray(weights.transpose(0, 2, 1))
+        sent = self.through(
+            mi.TensorXf(flat(W), (W.shape[0] * W.shape[1], W.shape[2])), len(W)
+        ).numpy()
+        return (light.T for light in sent.reshape(*W.shape[:2], -1))
 
 
 Light = Irradiance | SunsOnFilm
