@@ -60,6 +60,13 @@ class KnownLight:
     suns: np.ndarray
     """Suns that shine in the whole year, positions among all bins, int, shape (sun,)."""
 
+    @property
+    def bright(self) -> np.ndarray:
+        """Ground, sky, and suns of the case's own time stamps, positions among all bins, int."""
+        light, L = self.years[0].light, self.years[0].L
+        suns = np.flatnonzero(L[:, light.sky_bins :].getnnz(axis=0))
+        return np.concatenate([np.arange(light.sky_bins), light.sky_bins + suns])
+
     @classmethod
     def of(cls, channels: tuple[LightByElement, ...], daylight: Daylight) -> KnownLight | None:
         """Sum the light of every element hour by hour; None where memory does not hold it."""
@@ -138,6 +145,13 @@ class ChosenFacade:
             channels.append(xr.Dataset(arrays, {"bin": labels}))
         C = self._with_sensors(joined_channels(channels))
         return self._with_group_of_sun(C, shares, suns)
+
+    def replicates(self) -> xr.Dataset:
+        """`replicates` of C of the open state [sr], of the bins that are bright where it is known."""
+        assert self.light is not None
+        shares, bins = self._shares_of(OPEN), self.light.bright
+        C = joined_channels([each.replicates_at(shares, bins) for each in self.channels])
+        return self._with_sensors(C).assign_attrs(self.attributes)
 
     def known(
         self, daylight: Daylight, state: State, hours: np.ndarray | None = None

@@ -60,7 +60,7 @@ def recombined(
             )
         notes = [*remarks, *left_out(case)]
         result = summed_up(planned.summed(always=True), coefficients, evaluated, run, notes)
-    E = with_open_state(result.illuminance, facade, coefficients, year.daylight)
+    E = with_open_state(result.illuminance, facade, year.daylight)
     return replace(result, illuminance=E, daylight=year.daylight)
 
 
@@ -112,13 +112,8 @@ def recombined_year(
     return SimulatedYear(known, direct, shade, daylight), later
 
 
-def with_open_state(
-    E: xr.Dataset, facade: ChosenFacade, coefficients: Coefficients, daylight: Daylight
-) -> xr.Dataset:
-    """E [lx] with that of the open state, and of its sources, which are made when asked for.
-
-    `coefficients` are C of the façade.
-    """
+def with_open_state(E: xr.Dataset, facade: ChosenFacade, daylight: Daylight) -> xr.Dataset:
+    """E [lx] with that of the open state, and of its sources, which are made when asked for."""
     if "total_open" in E:
         return E
 
@@ -128,11 +123,13 @@ def with_open_state(
         )
 
     def total() -> xr.Dataset:
-        known = facade.known(daylight, OPEN)
+        with one_blas_thread():
+            known = facade.known(daylight, OPEN)
         return made(illuminance.by_channel(accumulate.by_source, known, daylight.sky), ["total"])
 
     def sources() -> xr.Dataset:
-        C = coefficients.open
+        with one_blas_thread():
+            C = facade.replicates()
         parts = illuminance.by_channel(accumulate.by_source, C, daylight.sky)
         return made(parts, ["sky", "sun"])
 
