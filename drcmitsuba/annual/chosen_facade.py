@@ -147,7 +147,7 @@ class ChosenFacade:
         return self._with_group_of_sun(C, shares, suns)
 
     def replicates(self) -> xr.Dataset:
-        """`replicates` of C of the open state [sr], of the bins that are bright where it is known."""
+        """`replicates` of C of the open state [sr], of the bins that are bright in the daylight."""
         assert self.light is not None
         shares, bins = self._shares_of(OPEN), self.light.bright
         C = joined_channels([each.replicates_at(shares, bins) for each in self.channels])

@@ -27,6 +27,12 @@ from drcmitsuba.scene.shared_facades import SharedFacades
 from drcmitsuba.sky.daylight import Daylight, daylight_and_year
 from drcmitsuba.transport import elements as by_element
 
+WITHOUT = (
+    "coefficients of variants are not written, of which verdicts have their probability and hours "
+    'beyond the period: [output] illuminance = "all", or evaluate one by itself'
+)
+"""Note on a variant whose coefficients are made only when they are asked for."""
+
 
 def load_variants(path: str, names: Sequence[str]) -> list[Case]:
     """Load a case, a TOML file or a shipped one, and its variants in the same folder.
@@ -111,7 +117,8 @@ class SharedElements:
             ChosenFills({}, {}), self.facades.drawn[number], self.facades.members[number],
             self._known,
         )  # fmt: skip
-        return recombined(facade, planned, self.light, run, self.remarks[number], case.name)
+        remarks = [*self.remarks[number], *([] if case.output.illuminance == "all" else [WITHOUT])]
+        return recombined(facade, planned, self.light, run, remarks, case.name)
 
     @cached_property
     def _known(self) -> KnownLight | None:
