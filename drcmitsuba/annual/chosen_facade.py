@@ -93,13 +93,15 @@ class ChosenFacade:
     """Attributes of C: origin, groups, rule and schedules."""
     light: KnownLight | None = None
     """Light in the case's daylight, where it is known."""
+    factors: np.ndarray | float = 1.0
+    """Factors of the light by every element, shape (element,)."""
 
     @classmethod
     def of(
         cls, case: Case, panes: PaneGroups, channels: tuple[LightByElement, ...],
         marked: Mapping[str, Any], time: xr.DataArray, chosen: ChosenFills,
         drawn: Mapping[int, np.ndarray], members: Mapping[int, Member] | None = None,
-        light: KnownLight | None = None,
+        light: KnownLight | None = None, factors: np.ndarray | float = 1.0,
     ) -> ChosenFacade:  # fmt: skip
         """Put a choice on a case, whose C has the attributes `marked`.
 
@@ -120,12 +122,12 @@ class ChosenFacade:
             marked |= {"shade_threshold": threshold, "shade_area": area}
             marked |= moving.states.attributes() | moving.schedule.attributes()
         tables = [group.parts for group in moving.groups]
-        marked["fingerprint"] = str(content_key(marked["fingerprint"], still, tables))
-        return cls(case, panes.states, channels, still, moving, marked, light)
+        marked["fingerprint"] = str(content_key(marked["fingerprint"], still * factors, tables))
+        return cls(case, panes.states, channels, still, moving, marked, light, factors)
 
     def shares(self, indices: np.ndarray) -> np.ndarray:
         """Shares of all elements (…, element), from the state of every group (…, group)."""
-        return self.moving.shares(self.still, indices)
+        return self.moving.shares(self.still, indices) * self.factors
 
     def state(self, state: State, labels: np.ndarray | None, progress: Progress) -> xr.Dataset:
         """C [sr] of a state for all suns; see `StateSource`."""

@@ -15,7 +15,7 @@ from fnmatch import fnmatchcase
 from itertools import chain, count
 from typing import Any
 
-from drcmitsuba.annual.variants import SharedElements
+from drcmitsuba.annual.variants import SharedElements, shared_facades
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.facade import Facade
 from drcmitsuba.case.groups import Group
@@ -26,7 +26,6 @@ from drcmitsuba.runtime.content_key import content_key
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.scene.prepared_case import prepared
-from drcmitsuba.scene.shared_facades import SharedFacades
 from drcmitsuba.sky.daylight import Daylight, daylight
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import elements as by_element
@@ -173,7 +172,7 @@ def jobs(cases: Sequence[Case], suns: Suns) -> list[FacadesJob]:
 def _fits(cases: Sequence[Case], suns: Suns) -> bool:
     first = cases[0]
     try:
-        facades = SharedFacades.of(cases)
+        facades = shared_facades(cases)
     except InputError:  # of a row, which tells so when it is evaluated by itself
         return False
     sensors, subdivision = len(prepared(first).receivers), first.sky.subdivision

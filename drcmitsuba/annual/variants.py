@@ -90,7 +90,7 @@ class SharedElements:
         """
         backend.select()
         first = cases[0]
-        facades = SharedFacades.of(cases)
+        facades = shared_facades(cases)
         run = replace(Run.of(first), stage=stage)
         accuracy = accuracy_of(first, run)
         with run.timed("sky"):
@@ -115,7 +115,7 @@ class SharedElements:
             planned.simulated, self.facades.panes, self.channels,
             attributes(planned.simulated, self.light, planned.scope), self.light.sky["time"],
             ChosenFills({}, {}), self.facades.drawn[number], self.facades.members[number],
-            self._known,
+            self._known, self.facades.factors[number] if self.facades.factors else 1.0,
         )  # fmt: skip
         remarks = [*self.remarks[number], *([] if case.output.illuminance == "all" else [WITHOUT])]
         return recombined(facade, planned, self.light, run, remarks, case.name)
@@ -153,6 +153,12 @@ def evaluate_variants(cases: Sequence[Case], stage: Stage = silent) -> Iterator[
     shared = SharedElements.of(cases, stage)
     for number in range(len(cases)):
         yield shared.evaluate(number)
+
+
+def shared_facades(cases: Sequence[Case]) -> SharedFacades:
+    """Openings that cases share, with multiples of panes; errors as `SharedFacades.of`."""
+    shading = cases[0].shading
+    return SharedFacades.of(cases).with_multiples(None if shading is None else shading.material)
 
 
 def joined_effects(scopes: Sequence[EnabledEffects]) -> EnabledEffects:
