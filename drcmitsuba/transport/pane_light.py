@@ -35,12 +35,13 @@ class SunsOnFilm(NamedTuple):
         return Irradiance(sky, self.films.of_all_suns(self.suns.sent(weights), self.bins[1]))
 
     def by_bin(self, weights: np.ndarray) -> Iterator[np.ndarray]:
-        """Yield light by bin of every replicate, as `Irradiance.by_bin`."""
-        W = np.ascontiguousarray(weights.transpose(0, 2, 1))
-        sent = self.through(
-            mi.TensorXf(flat(W), (W.shape[0] * W.shape[1], W.shape[2])), len(W)
-        ).numpy()
-        return (light.T for light in sent.reshape(*W.shape[:2], -1))
+        """Yield sums by bin over the replicates of each result, as `Irradiance.by_bin`."""
+        results, each, parts, receivers = weights.shape
+        W = np.ascontiguousarray(weights.swapaxes(2, 3))
+        rows = mi.TensorXf(flat(W), (results * each * receivers, parts))
+        sent = self.through(rows, results * each).numpy()
+        every = sent.reshape(results, each, receivers, -1)
+        return (light[0].T if each == 1 else light.sum(axis=0).T for light in every)
 
 
 Light = Irradiance | SunsOnFilm

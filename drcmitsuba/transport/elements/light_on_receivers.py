@@ -62,30 +62,35 @@ class LightOnReceivers:
         return LightOnReceivers(self.replicates, rest)
 
     def add_to(
-        self, results: np.ndarray, draws: int, paths: Sequence[Matrix] | None = None
+        self, outputs: Sequence[np.ndarray], draws: int, paths: Sequence[Matrix] | None = None
     ) -> None:
         """Add the light of these replicates to results, or what paths gather of it.
 
         Parameters
         ----------
-        results : np.ndarray, shape (result, bin, receiver)
-            Light that grows [sr]; what is not lit is not written to.
+        outputs : sequence of np.ndarray, shape (result, bin, receiver)
+            Arrays of light that grow alike [sr]; what is not lit is not written to.
         draws : int
             Number of replicates whose mean is a result. Those of one result stand together; some
             of them may be elsewhere.
         paths : sequence of matrix, shape (receiver, further receiver), optional
             Matrix of the paths of every result.
         """
-        each, bins = self.replicates // len(results), self.apart.sky.shape[1]
+        results, bins = len(outputs[0]), self.apart.sky.shape[1]
+        each = self.replicates // results
         for part, here in zip(self.apart, (slice(bins), slice(bins, None)), strict=True):
-            for k, D in enumerate(_by_result(part, len(results), each, draws)):
-                _add(results[k, here], D if paths is None else D @ paths[k])
+            for k, D in enumerate(_by_result(part, results, each, draws)):
+                light = D if paths is None else D @ paths[k]
+                for out in outputs:
+                    _add(out[k, here], light)
         for K, parts in self.panes:
             weights = K.numpy().reshape(self.replicates, -1, K.shape[1]).transpose(0, 2, 1)
             if paths is not None:
                 weights = np.stack([K @ paths[r // each] for r, K in enumerate(weights)])
-            for r, light in enumerate(parts.by_bin(weights / np.float32(draws))):
-                results[r // each] += light
+            weights = (weights / np.float32(draws)).reshape(results, each, *weights.shape[1:])
+            for k, light in enumerate(parts.by_bin(weights)):
+                for out in outputs:
+                    out[k] += light
 
 
 def _by_result(D: mi.TensorXf, results: int, each: int, draws: int) -> Iterator[Matrix]:

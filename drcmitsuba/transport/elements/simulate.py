@@ -135,15 +135,14 @@ def _add(
     these = slice(results.start, results.stop)
     arrays = light.straight, light.direct, light.total, light.blocks
     straight, direct, total, blocks = (a[these] for a in arrays)
-    for sensors in deposited.sensors:
-        here = (..., sensors.here)
-        sensors.straight.add_to(straight[here], draws)
-        sensors.direct.add_to(total[here], draws)
-        if light.direct is not light.straight:
-            sensors.direct.add_to(direct[here], draws)
+    scatters = light.direct is not light.straight
     with one_blas_thread():  # most matrices are small
+        for sensors in deposited.sensors:
+            here = (..., sensors.here)
+            sensors.straight.add_to([straight[here]], draws)
+            sensors.direct.add_to([total[here], *([direct[here]] if scatters else [])], draws)
         for out, matrices in zip((total, blocks), zip(*paths, strict=True), strict=True):
-            deposited.cells.add_to(out, draws, matrices)
+            deposited.cells.add_to([out], draws, matrices)
 
 
 def _matrices(paths: ElementPaths, result: int) -> tuple[Matrix, Matrix]:

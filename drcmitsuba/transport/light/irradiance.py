@@ -26,9 +26,13 @@ class Irradiance(NamedTuple):
         return Irradiance(*(by_replicate(weights, part, replicates) for part in self))
 
     def by_bin(self, weights: np.ndarray) -> Iterator[np.ndarray]:
-        """Yield light (bin, receiver) by weights (part, receiver) of this light, by replicate."""
-        every = self.numpy().reshape(*weights.shape[:2], -1)
-        return (light.T @ W for light, W in zip(every, weights, strict=True))
+        """Yield sums (bin, receiver) of this light over the replicates of each result.
+
+        `weights` are those of the light for receivers, (result, replicate, part, receiver).
+        """
+        results, receivers = len(weights), weights.shape[3]
+        every = self.numpy().reshape(results, weights.shape[1] * weights.shape[2], -1)
+        return (light.T @ W.reshape(-1, receivers) for light, W in zip(every, weights, strict=True))
 
     def numpy(self) -> np.ndarray:
         """All bins in one array (receiver, bin)."""
