@@ -137,5 +137,7 @@ def with_open_state(E: xr.Dataset, facade: ChosenFacade, daylight: Daylight) -> 
     later = LaterArrays(total).variables(["total_open", "total_open_se"], like)
     names = [f"{name}_open{end}" for name in ("sky", "sun") for end in ENDS]
     later |= LaterArrays(sources).variables(names, like)
-    first = ["direct_sun", "direct_sun_se", *later]  # as `metrics.accumulate.illuminance` has them
-    return describe(E.assign(later)[[*first, *(name for name in E.data_vars if name not in first)]])
+    first = ["direct_sun", "direct_sun_se"]  # as `metrics.accumulate.illuminance` has them
+    own = {name: E[name].variable for name in E.data_vars}
+    every = {name: own.pop(name) for name in first} | later | own
+    return describe(xr.Dataset(every, E.coords, E.attrs))
