@@ -28,8 +28,8 @@ from drcmitsuba.sky.daylight import Daylight, daylight_and_year
 from drcmitsuba.transport import elements as by_element
 
 WITHOUT = (
-    "coefficients of variants are not written, by which standards know hours beyond the period and "
-    'verdicts their probability: [output] illuminance = "all" writes them, or evaluate one by itself'
+    "coefficients of variants are not written, by which verdicts have hours beyond the period, and "
+    'their probability: [output] illuminance = "all" writes them, or evaluate one by itself'
 )
 """Note on a variant whose coefficients are made only when they are asked for."""
 

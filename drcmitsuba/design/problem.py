@@ -76,7 +76,7 @@ class Graph(NamedTuple):
     outputs: dict[str, mi.Float]
 
 
-class Slopes:
+class LaterSlopes:
     """Gradients of one design, shape (free,) each, by the names of the numbers.
 
     Parameters
@@ -111,7 +111,7 @@ class FacadeCandidate(RatedCandidate):
     ----------
     share : np.ndarray, shape (tile, material)
         Composition.
-    slopes : Slopes
+    slopes : LaterSlopes
         Gradients by x, which are computed when they are first asked for: a step that a search
         rejects needs none.
     """
@@ -119,7 +119,7 @@ class FacadeCandidate(RatedCandidate):
     smooth: FacadeScore
     hard: FacadeScore
     share: np.ndarray
-    slopes: Slopes
+    slopes: LaterSlopes
 
     @property
     def gradient(self) -> np.ndarray:
@@ -277,11 +277,11 @@ class FacadeProblem(RatedProblem):
         graph, smooth, share, E = self._graph(x, sharpness)
         scale = self.scale(self.values(mi.Float(np.clip(x, 0, 1).astype(np.float32))))
         hard = self._hard(share, E, smooth.film_area, smooth.window_area, scale)
-        self._latest[:] = [Slopes(graph, lambda: self._graph(x, sharpness)[0])]
+        self._latest[:] = [LaterSlopes(graph, lambda: self._graph(x, sharpness)[0])]
         return FacadeCandidate(x, sharpness, smooth, hard, share.numpy(), self._latest[0])
 
     @cached_property
-    def _latest(self) -> list[Slopes]:
+    def _latest(self) -> list[LaterSlopes]:
         """Gradients of the latest design, which may hold their graph; none before the first."""
         return []
 
