@@ -60,6 +60,13 @@ class KnownLight:
     suns: np.ndarray
     """Suns that shine in the whole year, positions among all bins, int, shape (sun,)."""
 
+    @property
+    def bright(self) -> np.ndarray:
+        """Ground, sky, and suns of the case's own time stamps, positions among all bins, int."""
+        light, L = self.years[0].light, self.years[0].L
+        suns = np.flatnonzero(L[:, light.sky_bins :].getnnz(axis=0))
+        return np.concatenate([np.arange(light.sky_bins), light.sky_bins + suns])
+
     @classmethod
     def of(cls, channels: tuple[LightByElement, ...], daylight: Daylight) -> KnownLight | None:
         """Sum the light of every element hour by hour; None where memory does not hold it."""
@@ -86,13 +93,15 @@ class ChosenFacade:
     """Attributes of C: origin, groups, rule and schedules."""
     light: KnownLight | None = None
     """Light in the case's daylight, where it is known."""
+    factors: np.ndarray | float = 1.0
+    """Factors of the light by every element, shape (element,)."""
 
     @classmethod
     def of(
         cls, case: Case, panes: PaneGroups, channels: tuple[LightByElement, ...],
         marked: Mapping[str, Any], time: xr.DataArray, chosen: ChosenFills,
         drawn: Mapping[int, np.ndarray], members: Mapping[int, Member] | None = None,
-        light: KnownLight | None = None,
+        light: KnownLight | None = None, factors: np.ndarray | float = 1.0,
     ) -> ChosenFacade:  # fmt: skip
         """Put a choice on a case, whose C has the attributes `marked`.
 
@@ -113,12 +122,12 @@ class ChosenFacade:
             marked |= {"shade_threshold": threshold, "shade_area": area}
             marked |= moving.states.attributes() | moving.schedule.attributes()
         tables = [group.parts for group in moving.groups]
-        marked["fingerprint"] = str(content_key(marked["fingerprint"], still, tables))
-        return cls(case, panes.states, channels, still, moving, marked, light)
+        marked["fingerprint"] = str(content_key(marked["fingerprint"], still * factors, tables))
+        return cls(case, panes.states, channels, still, moving, marked, light, factors)
 
     def shares(self, indices: np.ndarray) -> np.ndarray:
         """Shares of all elements (…, element), from the state of every group (…, group)."""
-        return self.moving.shares(self.still, indices)
+        return self.moving.shares(self.still, indices) * self.factors
 
     def state(self, state: State, labels: np.ndarray | None, progress: Progress) -> xr.Dataset:
         """C [sr] of a state for all suns; see `StateSource`."""
@@ -138,6 +147,13 @@ class ChosenFacade:
             channels.append(xr.Dataset(arrays, {"bin": labels}))
         C = self._with_sensors(joined_channels(channels))
         return self._with_group_of_sun(C, shares, suns)
+
+    def replicates(self) -> xr.Dataset:
+        """`replicates` of C of the open state [sr], of the bins that are bright in the daylight."""
+        assert self.light is not None
+        shares, bins = self._shares_of(OPEN), self.light.bright
+        C = joined_channels([each.replicates_at(shares, bins) for each in self.channels])
+        return self._with_sensors(C).assign_attrs(self.attributes)
 
     def known(
         self, daylight: Daylight, state: State, hours: np.ndarray | None = None

@@ -3,8 +3,7 @@
 case, fills ─ openings_of ─► openings with their fills
      ─ elements.compute ───► light by element, channel by channel
 choice ─ ChosenFills ──────► shares that stay, groups that move
-     ─ simulated_year ─────► C and E of the states that the groups take
-     ─ evaluate_metrics ───► Result
+     ─ recombined ─────────► E of the states that the groups take, Result
 """
 
 from __future__ import annotations
@@ -21,15 +20,13 @@ import xarray as xr
 from drcmitsuba.annual.attributes import attributes
 from drcmitsuba.annual.choice import Choice, ChosenFills
 from drcmitsuba.annual.chosen_facade import ChosenFacade, KnownLight, light_of_channels
-from drcmitsuba.annual.recombined_year import recombined_year, with_open_state
-from drcmitsuba.annual.result import Result, summed_up
+from drcmitsuba.annual.recombined_year import recombined
+from drcmitsuba.annual.result import Result
 from drcmitsuba.annual.run import Run
-from drcmitsuba.annual.spectral_year import left_out
 from drcmitsuba.annual.summed_year import Opened, accuracy_of
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import GroupStates
 from drcmitsuba.case.reading import load_case
-from drcmitsuba.metrics.evaluate_metrics import evaluate_metrics
 from drcmitsuba.plan import Plan, notes
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
@@ -105,19 +102,7 @@ class Elements:
         run = replace(self.run, seconds=dict(self.run.seconds), ray_counter=Counter())
         with one_blas_thread():
             facade, light = self._facade(choice or {}, drawn or {})
-            case = self.case
-            if not facade.moving.groups:
-                case = case.with_tables(shading=None, groups={})
-            with run.timed("accumulation and metrics"):
-                year, coefficients = recombined_year(facade, case, light, run)
-                evaluated = evaluate_metrics(
-                    case, year.daylight, year.coefficients, year.direct, year.shade
-                )
-        planned = self.planned.summed(always=True)
-        notes = [*self._notes, *left_out(case)]
-        result = summed_up(planned, coefficients, evaluated, run, notes)
-        E = with_open_state(result.illuminance, facade, coefficients, year.daylight)
-        return replace(result, illuminance=E, daylight=year.daylight)
+        return recombined(facade, self.planned, light, run, self._notes)
 
     def illuminance(self, choice: Choice | None = None) -> xr.Dataset:
         """Illuminance of a façade whose openings stay as drawn where the choice names none.

@@ -1,4 +1,4 @@
-"""A year of known light by element: E of the states of a façade, and C where it is asked for."""
+"""Any façade of known elements: E of its states, metrics, and C where it is asked for."""
 
 from __future__ import annotations
 
@@ -9,14 +9,18 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.annual.chosen_facade import ChosenFacade
+from drcmitsuba.annual.result import Result, summed_up
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.simulated_year import SimulatedYear, simulated_year, taken_states
+from drcmitsuba.annual.spectral_year import left_out
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, VARYING, State
 from drcmitsuba.metrics import accumulate, illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients, LaterCoefficients
+from drcmitsuba.metrics.evaluate_metrics import evaluate_metrics
 from drcmitsuba.metrics.facade_states import FacadeStates
 from drcmitsuba.metrics.later_arrays import LaterArrays
+from drcmitsuba.plan import Plan
 from drcmitsuba.runtime.progress import silent
 from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.schema import describe
@@ -24,6 +28,40 @@ from drcmitsuba.sky.daylight import Daylight
 
 ENDS = ("", "_se")
 """Endings of the names of a quantity and of its standard error."""
+
+
+def recombined(
+    facade: ChosenFacade, planned: Plan, daylight: Daylight, run: Run, remarks: Sequence[str],
+    stage: str = "accumulation and metrics",
+) -> Result:  # fmt: skip
+    """Evaluate a façade of known elements: E, metrics and their intervals, without tracing.
+
+    Parameters
+    ----------
+    facade : ChosenFacade
+        Façade whose `light`, where it is known, is that of the daylight.
+    planned : Plan
+        Plan of the case whose rules the metrics follow.
+    daylight : Daylight
+    run : Run
+    remarks : sequence of str
+        Notes on the films and the shade.
+    stage : str
+        Name of the only stage, which the run shows.
+    """
+    case = planned.facts.case
+    if not facade.moving.groups:
+        case = case.with_tables(shading=None, groups={})
+    with one_blas_thread():
+        with run.timed(stage):
+            year, coefficients = recombined_year(facade, case, daylight, run)
+            evaluated = evaluate_metrics(
+                case, year.daylight, year.coefficients, year.direct, year.shade
+            )
+        notes = [*remarks, *left_out(case)]
+        result = summed_up(planned.summed(always=True), coefficients, evaluated, run, notes)
+    E = with_open_state(result.illuminance, facade, year.daylight)
+    return replace(result, illuminance=E, daylight=year.daylight)
 
 
 def recombined_year(
@@ -74,13 +112,8 @@ def recombined_year(
     return SimulatedYear(known, direct, shade, daylight), later
 
 
-def with_open_state(
-    E: xr.Dataset, facade: ChosenFacade, coefficients: Coefficients, daylight: Daylight
-) -> xr.Dataset:
-    """E [lx] with that of the open state, and of its sources, which are made when asked for.
-
-    `coefficients` are C of the façade.
-    """
+def with_open_state(E: xr.Dataset, facade: ChosenFacade, daylight: Daylight) -> xr.Dataset:
+    """E [lx] with that of the open state, and of its sources, which are made when asked for."""
     if "total_open" in E:
         return E
 
@@ -90,11 +123,13 @@ def with_open_state(
         )
 
     def total() -> xr.Dataset:
-        known = facade.known(daylight, OPEN)
+        with one_blas_thread():
+            known = facade.known(daylight, OPEN)
         return made(illuminance.by_channel(accumulate.by_source, known, daylight.sky), ["total"])
 
     def sources() -> xr.Dataset:
-        C = coefficients.open
+        with one_blas_thread():
+            C = facade.replicates()
         parts = illuminance.by_channel(accumulate.by_source, C, daylight.sky)
         return made(parts, ["sky", "sun"])
 
@@ -102,5 +137,7 @@ def with_open_state(
     later = LaterArrays(total).variables(["total_open", "total_open_se"], like)
     names = [f"{name}_open{end}" for name in ("sky", "sun") for end in ENDS]
     later |= LaterArrays(sources).variables(names, like)
-    first = ["direct_sun", "direct_sun_se", *later]  # as `metrics.accumulate.illuminance` has them
-    return describe(E.assign(later)[[*first, *(name for name in E.data_vars if name not in first)]])
+    first = ["direct_sun", "direct_sun_se"]  # as `metrics.accumulate.illuminance` has them
+    own = {name: E[name].variable for name in E.data_vars}
+    every = {name: own.pop(name) for name in first} | later | own
+    return describe(xr.Dataset(every, E.coords, E.attrs))

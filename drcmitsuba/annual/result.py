@@ -37,7 +37,7 @@ from drcmitsuba.case.reading import load_case
 from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.colour.melanopic import melanopic_metrics
 from drcmitsuba.controls.space_lights import with_electric_light
-from drcmitsuba.metrics.coefficients_by_state import Coefficients
+from drcmitsuba.metrics.coefficients_by_state import Coefficients, LaterCoefficients
 from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, evaluate_metrics
 from drcmitsuba.metrics.facade_states import FacadeStates
 from drcmitsuba.metrics.spaces import sensors_by_space
@@ -131,12 +131,16 @@ class Result(SavedResult):
     def _arrays(self, folder: Path) -> dict[str, Callable[[], None]]:
         E, C, channels = self.illuminance, self.by_state, self.illuminance.get("channel")
         E_file, C_file = folder / "illuminance.nc", folder / "coefficients.zarr"
-        return {
+        of_E = {
             E_file.name: lambda: storage.save_netcdf(E, E_file),
-            C_file.name: lambda: storage.save_zarr(C.parts(), C_file, along="state"),
             "sky.zarr": lambda: save_luminances(self.daylight, folder / "sky.zarr", channels),
-            **self._year(folder / "year.zarr"),
             **self._spectral(folder / "colour.nc"),
+        }
+        if isinstance(C, LaterCoefficients) and self.case.output.illuminance != "all":
+            return of_E
+        return of_E | {
+            C_file.name: lambda: storage.save_zarr(C.parts(), C_file, along="state"),
+            **self._year(folder / "year.zarr"),  # its E is C times its luminances
         }
 
     def _year(self, path: Path) -> dict[str, Callable[[], None]]:

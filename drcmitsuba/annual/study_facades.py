@@ -8,17 +8,14 @@ part   ─ alike ───────► their cases, with one name for each ma
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from itertools import chain, count
 from typing import Any
 
-from drcmitsuba.annual.result import Result
-from drcmitsuba.annual.variants import SharedElements
+from drcmitsuba.annual.variants import SharedElements, shared_facades
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.facade import Facade
 from drcmitsuba.case.groups import Group
@@ -29,7 +26,6 @@ from drcmitsuba.runtime.content_key import content_key
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.scene.prepared_case import prepared
-from drcmitsuba.scene.shared_facades import SharedFacades
 from drcmitsuba.sky.daylight import Daylight, daylight
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import elements as by_element
@@ -142,15 +138,9 @@ class FacadesJob:
             yield part(progress, 0.0, 0.5 * (name == "elements"))
 
         shared = SharedElements.of(alike(self.cases), stage, light)
-        judged = deque[Future[Result]]()
-        with ThreadPoolExecutor(1) as thread:  # one row is judged while C of the next is summed
-            for done, number in enumerate(self.wanted):
-                simulated = shared.simulated(number, self.cases[number])
-                judged.append(thread.submit(simulated.result))
-                if done > 0:
-                    yield self.wanted[done - 1], judged.popleft().result().metrics
-                progress(0.5 + 0.5 * done / len(self.wanted))
-            yield self.wanted[-1], judged.popleft().result().metrics
+        for done, number in enumerate(self.wanted, 1):
+            yield number, shared.evaluate(number, self.cases[number]).metrics
+            progress(0.5 + 0.5 * done / len(self.wanted))
 
     def make(self, progress: Progress) -> dict[int, dict[str, Any]]:
         """Metrics of the wanted cases, by number."""
@@ -182,7 +172,7 @@ def jobs(cases: Sequence[Case], suns: Suns) -> list[FacadesJob]:
 def _fits(cases: Sequence[Case], suns: Suns) -> bool:
     first = cases[0]
     try:
-        facades = SharedFacades.of(cases)
+        facades = shared_facades(cases)
     except InputError:  # of a row, which tells so when it is evaluated by itself
         return False
     sensors, subdivision = len(prepared(first).receivers), first.sky.subdivision

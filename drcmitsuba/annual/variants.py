@@ -2,31 +2,36 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 from drcmitsuba.annual.attributes import attributes
 from drcmitsuba.annual.choice import ChosenFills
-from drcmitsuba.annual.chosen_facade import ChosenFacade, light_of_channels
-from drcmitsuba.annual.result import Result, summed_up
+from drcmitsuba.annual.chosen_facade import ChosenFacade, KnownLight, light_of_channels
+from drcmitsuba.annual.recombined_year import recombined
+from drcmitsuba.annual.result import Result
 from drcmitsuba.annual.run import Run
-from drcmitsuba.annual.simulated_year import SimulatedYear, simulated_year
-from drcmitsuba.annual.spectral_year import left_out
 from drcmitsuba.annual.summed_year import accuracy_of
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.reading import load_case
-from drcmitsuba.metrics.evaluate_metrics import evaluate_metrics
-from drcmitsuba.plan import Plan, notes, plan
+from drcmitsuba.plan import notes, plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
+from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.shared_facades import SharedFacades
 from drcmitsuba.sky.daylight import Daylight, daylight_and_year
 from drcmitsuba.transport import elements as by_element
+
+WITHOUT = (
+    "coefficients of variants are not written, by which verdicts have hours beyond the period, and "
+    'their probability: [output] illuminance = "all" writes them, or evaluate one by itself'
+)
+"""Note on a variant whose coefficients are made only when they are asked for."""
 
 
 def load_variants(path: str, names: Sequence[str]) -> list[Case]:
@@ -85,7 +90,7 @@ class SharedElements:
         """
         backend.select()
         first = cases[0]
-        facades = SharedFacades.of(cases)
+        facades = shared_facades(cases)
         run = replace(Run.of(first), stage=stage)
         accuracy = accuracy_of(first, run)
         with run.timed("sky"):
@@ -98,45 +103,28 @@ class SharedElements:
             )
         return cls(cases, light, facades, scope, channels, remarks, run)
 
-    def simulated(self, number: int, judged: Case | None = None) -> SimulatedVariant:
-        """Compute C of one of the cases, for its own rules of the metrics or those of another."""
+    def evaluate(self, number: int, judged: Case | None = None) -> Result:
+        """Evaluate one of the cases, by its own rules of the metrics or those of another case."""
         case = self.cases[number] if judged is None else judged
+        planned = plan(case, self.light)
         run = replace(
-            self.run, seconds=dict(self.run.seconds), ray_counter=Counter(self.run.ray_counter)
-        )
-        with run.timed(case.name):
-            planned = plan(case, self.light)
-            run = replace(run, enabled_effects=planned.scope, stage=silent)
-            marked = attributes(planned.simulated, self.light, planned.scope)
-            facade = ChosenFacade.of(
-                planned.simulated, self.facades.panes, self.channels, marked,
-                self.light.sky["time"], ChosenFills({}, {}), self.facades.drawn[number],
-                self.facades.members[number],
-            )  # fmt: skip
-            year = simulated_year(facade, planned.simulated, self.light, run, facade.attributes)
-        return SimulatedVariant(planned.summed(always=True), year, self.remarks[number], run)
+            self.run, enabled_effects=planned.scope, seconds=dict(self.run.seconds),
+            ray_counter=Counter(self.run.ray_counter),
+        )  # fmt: skip
+        facade = ChosenFacade.of(
+            planned.simulated, self.facades.panes, self.channels,
+            attributes(planned.simulated, self.light, planned.scope), self.light.sky["time"],
+            ChosenFills({}, {}), self.facades.drawn[number], self.facades.members[number],
+            self._known, self.facades.factors[number] if self.facades.factors else 1.0,
+        )  # fmt: skip
+        remarks = [*self.remarks[number], *([] if case.output.illuminance == "all" else [WITHOUT])]
+        return recombined(facade, planned, self.light, run, remarks, case.name)
 
-
-@dataclass(frozen=True)
-class SimulatedVariant:
-    """C of one case, from which another thread may take the result."""
-
-    planned: Plan
-    year: SimulatedYear
-    remarks: list[str]
-    run: Run
-
-    def result(self) -> Result:
-        """Evaluate the metrics."""
-        case, year, start = self.planned.facts.case, self.year, time.perf_counter()
-        evaluated = evaluate_metrics(
-            case, year.daylight, year.coefficients, year.direct, year.shade
-        )
-        self.run.seconds[case.name] += round(time.perf_counter() - start, 3)
-        result = summed_up(
-            self.planned, year.coefficients, evaluated, self.run, [*self.remarks, *left_out(case)]
-        )
-        return replace(result, daylight=year.daylight)
+    @cached_property
+    def _known(self) -> KnownLight | None:
+        """Light hour by hour, which all cases share."""
+        with one_blas_thread():
+            return KnownLight.of(self.channels, self.light)
 
 
 def evaluate_variants(cases: Sequence[Case], stage: Stage = silent) -> Iterator[Result]:
@@ -164,7 +152,13 @@ def evaluate_variants(cases: Sequence[Case], stage: Stage = silent) -> Iterator[
     """
     shared = SharedElements.of(cases, stage)
     for number in range(len(cases)):
-        yield shared.simulated(number).result()
+        yield shared.evaluate(number)
+
+
+def shared_facades(cases: Sequence[Case]) -> SharedFacades:
+    """Openings that cases share, with multiples of panes; errors as `SharedFacades.of`."""
+    shading = cases[0].shading
+    return SharedFacades.of(cases).with_multiples(None if shading is None else shading.material)
 
 
 def joined_effects(scopes: Sequence[EnabledEffects]) -> EnabledEffects:

@@ -209,7 +209,7 @@ class ModelLayout:
             rows[g] = ((1 - share) * as_drawn[g] + share * covered[g]).astype(np.float32)
         facades = replace(facades, drawn=(rows,), members=facades.members[:1])
         shared = replace(openings.simulated(case, light, stage), facades=facades)
-        return shared.simulated(0).result()
+        return shared.evaluate(0)
 
     def glare_afresh(self, optimum: FacadeOptimum, stage: Stage = silent) -> Any:
         """`GlareYear` of an optimum at the views of the case, as `afresh`."""

@@ -22,7 +22,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -69,6 +69,40 @@ class FacadeScore(Score):
         return min(self.margin, 0.0), EQUAL * round(self.value / EQUAL), self.margin
 
 
+class Graph(NamedTuple):
+    """What reverse passes follow: x (free,) with its gradients, and numbers that depend on it."""
+
+    x: mi.Float
+    outputs: dict[str, mi.Float]
+
+
+class LaterSlopes:
+    """Gradients of one design, shape (free,) each, by the names of the numbers.
+
+    Parameters
+    ----------
+    graph : Graph
+        It is held until the gradients are asked for or `let_go` is called, since it takes memory.
+    again : callable
+        Function that makes the graph anew.
+    """
+
+    def __init__(self, graph: Graph, again: Callable[[], Graph]) -> None:
+        self._graph: Graph | None = graph
+        self._again = again
+
+    @cached_property
+    def of(self) -> dict[str, np.ndarray]:
+        """Gradients by name."""
+        x, outputs = self._again() if self._graph is None else self._graph
+        self.let_go()
+        return dict(zip(outputs, gradients(x, [*outputs.values()]), strict=True))
+
+    def let_go(self) -> None:
+        """Give back the memory of the graph."""
+        self._graph = None
+
+
 @dataclass(frozen=True, eq=False)
 class FacadeCandidate(RatedCandidate):
     """One composition with its scores and gradients.
@@ -77,22 +111,40 @@ class FacadeCandidate(RatedCandidate):
     ----------
     share : np.ndarray, shape (tile, material)
         Composition.
-    gradient, ase_gradient, area_gradient : np.ndarray, shape (free,)
-        Derivatives of the smooth objective [%], the smooth ASE [%] and the panes' area [m²] by x.
-    aim_gradient : np.ndarray, shape (free,), optional
-        Derivatives of the smooth aim [%], where it is not the objective.
-    glare_gradient : np.ndarray, shape (free,), optional
-        Derivatives of the smooth hours with glare [%], where these are asked for.
+    slopes : LaterSlopes
+        Gradients by x, which are computed when they are first asked for: a step that a search
+        rejects needs none.
     """
 
     smooth: FacadeScore
     hard: FacadeScore
     share: np.ndarray
-    gradient: np.ndarray
-    ase_gradient: np.ndarray
-    area_gradient: np.ndarray
-    aim_gradient: np.ndarray | None = None
-    glare_gradient: np.ndarray | None = None
+    slopes: LaterSlopes
+
+    @property
+    def gradient(self) -> np.ndarray:
+        """Derivatives of the smooth objective [%], shape (free,)."""
+        return self.slopes.of["value"]
+
+    @property
+    def ase_gradient(self) -> np.ndarray:
+        """Derivatives of the smooth ASE [%], shape (free,)."""
+        return self.slopes.of["ase"]
+
+    @property
+    def area_gradient(self) -> np.ndarray:
+        """Derivatives of the panes' area [m²], shape (free,)."""
+        return self.slopes.of["area"]
+
+    @property
+    def aim_gradient(self) -> np.ndarray | None:
+        """Derivatives of the smooth aim [%], shape (free,); None where it is the objective."""
+        return self.slopes.of.get("aim")
+
+    @property
+    def glare_gradient(self) -> np.ndarray | None:
+        """Derivatives of the smooth hours with glare [%]; None where these are not asked for."""
+        return self.slopes.of.get("glare")
 
     @property
     def mixed(self) -> int:
@@ -219,6 +271,24 @@ class FacadeProblem(RatedProblem):
 
         Smooth twins have the given sharpness.
         """
+        for slopes in self._latest:  # a search asks for the gradients of a design at once, or never
+            slopes.let_go()
+        x = np.array(x, float)
+        graph, smooth, share, E = self._graph(x, sharpness)
+        scale = self.scale(self.values(mi.Float(np.clip(x, 0, 1).astype(np.float32))))
+        hard = self._hard(share, E, smooth.film_area, smooth.window_area, scale)
+        self._latest[:] = [LaterSlopes(graph, lambda: self._graph(x, sharpness)[0])]
+        return FacadeCandidate(x, sharpness, smooth, hard, share.numpy(), self._latest[0])
+
+    @cached_property
+    def _latest(self) -> list[LaterSlopes]:
+        """Gradients of the latest design, which may hold their graph; none before the first."""
+        return []
+
+    def _graph(
+        self, x: np.ndarray, sharpness: float
+    ) -> tuple[Graph, FacadeScore, mi.TensorXf, Illuminances]:
+        """Smooth numbers of x (free,) with and without gradients, composition and E [lx]."""
         free = mi.Float(np.clip(x, 0, 1).astype(np.float32))
         dr.enable_grad(free)
         values = self.values(free)
@@ -230,17 +300,14 @@ class FacadeProblem(RatedProblem):
             glare = self.measure.glare_smooth(seen, weights, E, sharpness)
         aim, ase = self.measure.smooth(E, sharpness, glare)
         value = self._value(aim, film, window)
-        numbers = [float(v[0]) for v in (value, aim, ase, film, window)]
-        outputs = {"gradient": value, "ase_gradient": ase, "area_gradient": window}
+        smooth = FacadeScore(*(float(v[0]) for v in (value, aim, ase, film, window)))
+        outputs = {"value": value, "ase": ase, "area": window}
         if self.goal.least is not None:
-            outputs["aim_gradient"] = aim
+            outputs["aim"] = aim
         if glare is not None:
-            outputs["glare_gradient"] = glare
-        slopes = dict(zip(outputs, gradients(free, [*outputs.values()]), strict=True))
-        hard = self._hard(share, E, numbers[3], numbers[4], self.scale(values))
-        shown = None if glare is None else float(glare[0])
-        smooth = replace(FacadeScore(*numbers), glare=shown)
-        return FacadeCandidate(np.array(x, float), sharpness, smooth, hard, share.numpy(), **slopes)
+            outputs["glare"] = glare
+            smooth = replace(smooth, glare=float(glare[0]))
+        return Graph(free, outputs), smooth, share, E
 
     def hard(self, share: np.ndarray) -> FacadeScore:
         """Rate any composition (tile, material) by hard numbers, such as a named variant."""

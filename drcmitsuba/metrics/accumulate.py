@@ -112,7 +112,7 @@ def sun_group(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.DataArray:
     shape = (sky.sizes["time"], straight.shape[0])
     most, nearest = np.zeros(shape, np.float32), np.full(shape, -1, np.int16)
     of_hour, best = np.full(shape[0], -1, np.int16), np.zeros(shape[0])
-    for g in np.unique(group[group >= 0]):
+    for g in np.flatnonzero(np.bincount(group[group >= 0].astype(int))):
         E = suns @ np.where(group == g, straight, 0).T
         larger = most < E
         most[larger], nearest[larger] = E[larger], g

@@ -97,6 +97,18 @@ class GlazingMaterial(Table):
             check_energy(self.transmittance, self.reflectance, self.exponent)
         return self
 
+    def multiple_of(self, other: SurfaceMaterial | None) -> float | None:
+        """Factor of another pane whose light this one lets through times it; None without such.
+
+        Panes by an exponent that reflect nothing are multiples of one another, at all incidences.
+        """
+        if not isinstance(other, GlazingMaterial) or self.ior is not None or self.reflectance:
+            return None
+        if other.transmittance == 0:
+            return None
+        same = self.model_copy(update={"transmittance": other.transmittance}) == other
+        return self.transmittance / other.transmittance if same else None
+
     def tables(self, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Transmittance and reflectance at `count` equal steps of cos θ from 0 to 1, by the index.
 

@@ -91,7 +91,7 @@ def _darkness(case: Case) -> Darkness | None:
     return darkness_of(matt.building, case.sensors, case.source, mi.variant())
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=64)  # all rows of a study are asked for one by one, several times
 def darkness_of(model: Model, sensors: AnySensors, source: str, variant: str) -> Darkness:
     """Find what daylight does not reach in a model, once for a model and a variant."""
     panes = panes_of_model(model)

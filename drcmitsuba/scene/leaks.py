@@ -90,7 +90,7 @@ def _leak(case: Case) -> Leak | None:
     return leak_of(case.building, case.sensors, case.source, mi.variant())
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=64)  # all rows of a study are asked for one by one, several times
 def leak_of(model: Model, sensors: AnySensors, source: str, variant: str) -> Leak | None:
     """Leak of a model's rooms, those of the sensors; None where they are closed.
 

@@ -8,13 +8,13 @@ stands in them.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, GroupStates
-from drcmitsuba.model.materials import Reflectance, SurfaceMaterial
+from drcmitsuba.model.materials import GlazingMaterial, Reflectance, SurfaceMaterial
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import Side, shortened
 from drcmitsuba.scene.like_panes import NO_GROUP, LikePanes, assigned_to, like_panes
@@ -40,6 +40,10 @@ class SharedFacades:
     """Shares (fill,) of the openings in each variant, the shade open."""
     members: tuple[Mapping[int, Member], ...]
     """Groups of `[groups]` that openings belong to in each variant."""
+    kinds: tuple[tuple[SurfaceMaterial | None, ...], ...]
+    """Material of every fill, by opening; None of a hole."""
+    factors: tuple[np.ndarray, ...] = ()
+    """Factors of the light by every element in each variant, (element,); without any, 1."""
 
     @classmethod
     def of(cls, cases: Sequence[Case]) -> SharedFacades:
@@ -55,7 +59,76 @@ class SharedFacades:
         if cases[0].model is not None:
             return _of_models(cases)
         tiled = TiledFacades.of_variants(cases)
-        return cls(tiled.case, tiled.panes, tiled.drawn, tiled.members)
+        first = zip(tiled.panes.drawn, tiled.panes.materials, strict=True)
+        kinds = tuple((one, *others) for one, others in first)
+        return cls(tiled.case, tiled.panes, tiled.drawn, tiled.members, kinds)
+
+    def with_multiples(self, shade: str | None) -> SharedFacades:
+        """Take panes that are multiples of another fill of their opening as that fill.
+
+        Fills that a group or the `shade`, a material's name, puts there stay as they are, and so
+        does the last of an opening that had a single one: its share would always be 1.
+        """
+        states, places, factors = [], [], []
+        for g, fills in enumerate(self.panes.states.states):
+            put = {f for of in self.members if g in of for f in of[g].fills}
+            free = [f not in put and name != shade for f, name in enumerate(fills)]
+            kept, place, factor = _multiples(self.kinds[g], free)
+            states.append(kept)
+            places.append(place)
+            factors.append(factor)
+        return self._of_kept(states, places, factors)
+
+    def _of_kept(
+        self, kept: list[list[int]], places: list[list[int]], factors: list[list[float]]
+    ) -> SharedFacades:
+        """Take some fills of every opening: places among them, and factors, of all fills."""
+        names = self.panes.states.names, self.panes.states.states
+        states = tuple(tuple(of[f] for f in some) for of, some in zip(names[1], kept, strict=True))
+        kinds = tuple(tuple(of[f] for f in some) for of, some in zip(self.kinds, kept, strict=True))
+        known = GroupStates(names[0], states)
+        materials = tuple(of[1:] for of in kinds)
+        panes = replace(self.panes, states=known, materials=materials)
+        drawn, members, weights = [], [], []
+        for rows, of_groups in zip(self.drawn, self.members, strict=True):
+            fills = {g: int(row.argmax()) for g, row in rows.items()}
+            weight = np.ones(known.starts[-1], np.float32)
+            for g, f in fills.items():
+                weight[known.starts[g] + places[g][f]] = factors[g][f]
+            weights.append(weight)
+            drawn.append(
+                {g: np.eye(len(kept[g]), dtype=np.float32)[places[g][f]] for g, f in fills.items()}
+            )
+            members.append(
+                {
+                    g: Member(member.group, tuple(places[g][f] for f in member.fills))
+                    for g, member in of_groups.items()
+                }
+            )
+        return replace(
+            self, panes=panes, drawn=tuple(drawn), members=tuple(members), kinds=kinds,
+            factors=tuple(weights),
+        )  # fmt: skip
+
+
+def _multiples(
+    materials: Sequence[SurfaceMaterial | None], free: Sequence[bool]
+) -> tuple[list[int], list[int], list[float]]:
+    """Fills that stay, the place of every fill among them, and its factor."""
+    kept, place, factor = list[int](), list[int](), list[float]()
+    last = len(materials) - 1
+    for f, material in enumerate(materials):
+        found = None
+        if free[f] and isinstance(material, GlazingMaterial) and not (f == last and kept == [0]):
+            of_kept = (
+                (i, material.multiple_of(materials[k])) for i, k in enumerate(kept) if free[k]
+            )
+            found = next(((i, times) for i, times in of_kept if times is not None), None)
+        place.append(len(kept) if found is None else found[0])
+        factor.append(1.0 if found is None else found[1])
+        if found is None:
+            kept.append(f)
+    return kept, place, factor
 
 
 def refuse_unlike(cases: Sequence[Case]) -> None:
@@ -111,7 +184,9 @@ def _of_models(cases: Sequence[Case]) -> SharedFacades:
         drawn.append(rows)
         members.append(of_case)
     bare = first.with_tables(shading=None, groups={})
-    return SharedFacades(bare, panes, tuple(drawn), tuple(members))
+    return SharedFacades(
+        bare, panes, tuple(drawn), tuple(members), tuple(tuple(of.values()) for of in kinds)
+    )
 
 
 def _refuse_other_panes(case: Case, first: Case, every: Sequence[LikePanes]) -> None:

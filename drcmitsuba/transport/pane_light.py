@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
+from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Key
 from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.films.answers import SunCells, SunRadiance
@@ -31,6 +33,15 @@ class SunsOnFilm(NamedTuple):
         """Light that receivers get, as `Irradiance.through`."""
         sky = dr.zeros(mi.TensorXf, (weights.shape[0], self.bins[0]))
         return Irradiance(sky, self.films.of_all_suns(self.suns.sent(weights), self.bins[1]))
+
+    def by_bin(self, weights: np.ndarray) -> Iterator[np.ndarray]:
+        """Yield sums by bin over the replicates of each result, as `Irradiance.by_bin`."""
+        results, each, parts, receivers = weights.shape
+        W = np.ascontiguousarray(weights.swapaxes(2, 3))
+        rows = mi.TensorXf(flat(W), (results * each * receivers, parts))
+        sent = self.through(rows, results * each).numpy()
+        every = sent.reshape(results, each, receivers, -1)
+        return (light[0].T if each == 1 else light.sum(axis=0).T for light in every)
 
 
 Light = Irradiance | SunsOnFilm

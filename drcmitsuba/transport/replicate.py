@@ -18,7 +18,7 @@ from drcmitsuba.transport.interreflection.solved_cells import Followed, Transfer
 from drcmitsuba.transport.light.irradiance import Irradiance
 from drcmitsuba.transport.light.lit_cells import LitCells
 from drcmitsuba.transport.light.products import PathMatrix, RayMatrix, product
-from drcmitsuba.transport.pane_light import FromPanes, by_panes, stacked
+from drcmitsuba.transport.pane_light import FromPanes, Light, by_panes, stacked
 from drcmitsuba.transport.photons.light import Landed
 from drcmitsuba.transport.rays.openings import Within, repeated_within
 from drcmitsuba.transport.rays.straight_suns import Disks, sensor_numbers
@@ -160,6 +160,16 @@ class Replicates:
 
         `disks` are from `Deposit.disks`.
         """
+        straight, direct, parts = self.sensors_by_parts(p, n, here, sun_samples, within, disks)
+        for K, light in parts:
+            direct = direct.plus(light.through(K, len(self)))
+        return straight, direct
+
+    def sensors_by_parts(
+        self, p: mi.Float, n: mi.Float, here: slice, sun_samples: int, within: Within,
+        disks: Disks | None,
+    ) -> tuple[Irradiance, Irradiance, list[tuple[mi.TensorXf, Light]]]:  # fmt: skip
+        """D as `sensors`, but by parts of panes, and the weights and the light of these parts."""
         base, place = self.deposits[0], sensor_numbers(here)
         straight = base.straight_on_sensors(p, n, place, self.numbers, sun_samples, within, disks)
         numbers = [number_in_replicate(place, r) for r in self.numbers]
@@ -169,12 +179,10 @@ class Replicates:
             self.deposits, every_p, every_n, (Stream.SENSORS,), numbers, every_within
         )
         direct = straight.plus(rest)
-        for K, light in parts:
-            direct = direct.plus(light.through(K, len(self)))
         if self.landed:
             straight = straight.plus(stacked(one.mirrored(here) for one in self.landed))
             direct = direct.plus(stacked(one.sensors(here) for one in self.landed))
-        return straight, direct
+        return straight, direct, parts
 
     def interreflected(self, met: Met, here: slice) -> Irradiance:
         """G·D, shape (replicate · sensor, bin) [sr], with the paths of each replicate."""

@@ -1,5 +1,6 @@
 """Rows that differ in their façades share a simulation: the same numbers in any shares."""
 
+import numpy as np
 import pytest
 
 import drcmitsuba
@@ -7,9 +8,11 @@ from drcmitsuba import load_case
 from drcmitsuba.annual import study_facades
 from drcmitsuba.annual.study import study
 from drcmitsuba.annual.study_facades import FacadesJob, alike, jobs, together
-from drcmitsuba.annual.variants import SharedElements, evaluate_variants
+from drcmitsuba.annual.variants import SharedElements, evaluate_variants, shared_facades
 from drcmitsuba.case.study import load_study
+from drcmitsuba.model.materials import GlazingMaterial
 from drcmitsuba.runtime import backend
+from drcmitsuba.scene.shared_facades import SharedFacades
 from drcmitsuba.sky.daylight import daylight
 from tests import ROOT
 from tests.system.small_room import changed
@@ -72,7 +75,7 @@ def test_rows_are_those_of_variants_by_their_own_thresholds(plan, cases, tmp_pat
 
 
 def test_a_stop_keeps_the_rows_that_are_done(plan, tmp_path, monkeypatch):
-    whole, begun = SharedElements.simulated, []
+    whole, begun = SharedElements.evaluate, []
 
     def stopped(self, number, judged):
         begun.append(number)
@@ -80,10 +83,10 @@ def test_a_stop_keeps_the_rows_that_are_done(plan, tmp_path, monkeypatch):
             raise KeyboardInterrupt
         return whole(self, number, judged)
 
-    monkeypatch.setattr(SharedElements, "simulated", stopped)
+    monkeypatch.setattr(SharedElements, "evaluate", stopped)
     with pytest.raises(KeyboardInterrupt):
         study(plan, tmp_path / "out")
-    assert len([*(tmp_path / "out" / "rows").iterdir()]) == 2  # the third was being judged
+    assert len([*(tmp_path / "out" / "rows").iterdir()]) == 3
 
 
 def test_an_unfit_film_is_told_in_its_row_alone(plan, tmp_path):
@@ -116,6 +119,57 @@ def test_numbers_do_not_depend_on_how_many_workers_share_the_rows(cases):
     for number in job.wanted:
         for name in ("sDA", "ASE", "shade_closed", "msDA", "MSE"):
             assert apart[number][name] == at_once[number][name]
+
+
+def test_a_pane_that_is_a_multiple_is_what_one_of_its_own_is(cases, monkeypatch):
+    """Panes of three transmittances by one element and factors, and by an element each."""
+    darker = [_with_glass(cases[0], transmittance) for transmittance in (0.65, 0.4, 0.3)]
+    assert _fills(darker) == 2  # a pane and the shade
+    assert _fills([case.with_tables(shading=None) for case in darker]) == 2  # never a single fill
+    by_factors = [result.illuminance for result in evaluate_variants(darker)]
+    monkeypatch.setattr(SharedFacades, "with_multiples", lambda self, shade: self)
+    assert _fills(darker) == 4
+    by_panes = [result.illuminance for result in evaluate_variants(darker)]
+    for ours, theirs in zip(by_factors, by_panes, strict=True):
+        assert ours["shade_closed"].equals(theirs["shade_closed"])
+        for name in ("total", "total_open", "direct_sun"):
+            most = float(theirs[name].max())
+            np.testing.assert_allclose(ours[name], theirs[name], rtol=1e-4, atol=1e-6 * most)
+    mean = [float(E["total_open"].mean()) for E in by_factors]
+    assert mean[1] == pytest.approx(mean[0] * 0.4 / 0.65, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("other", "factor"),
+    [
+        ({"transmittance": 0.5}, 0.5),
+        ({"transmittance": 0.0}, 0.0),
+        ({"transmittance": 0.5, "exponent": 3.0}, None),
+        ({"transmittance": 0.5, "reflectance": 0.1}, None),
+        ({"transmittance": 0.5, "ior": 1.5}, None),
+    ],
+)
+def test_only_panes_alike_in_all_else_are_multiples(other, factor):
+    pane = GlazingMaterial(type="glazing", transmittance=1.0)
+    assert GlazingMaterial(type="glazing", **other).multiple_of(pane) == factor
+    assert pane.multiple_of(None) is None
+    dark = GlazingMaterial(type="glazing", transmittance=0.0)
+    assert pane.multiple_of(dark) is None
+
+
+def _fills(cases):
+    """Number of fills of the window."""
+    return max(len(fills) for fills in shared_facades(cases).panes.states.states)
+
+
+def _with_glass(case, transmittance):
+    """Case whose glass, of a name of its own, has another transmittance."""
+    name = f"glass {transmittance}"
+    glass = case.materials["glass"].model_copy(update={"transmittance": transmittance})
+    strip = case.facade["south"].strips[0].model_copy(update={"material": name})
+    facade = case.facade["south"].model_copy(update={"strips": (strip,)})
+    materials = {name: glass, "shade": case.materials["shade"]}
+    return case.with_tables(materials=materials, facade={"south": facade})
 
 
 def test_a_name_stands_for_one_material(cases):

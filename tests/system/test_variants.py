@@ -76,6 +76,28 @@ facing = "east"
 states = ["shade"]
 """
 
+KEPT = '[output]\nilluminance = "all"\n'
+
+
+def test_coefficients_of_variants_are_written_where_they_are_asked_for(run, tmp_path):
+    """Without them a folder has all else, and says how to get them; E of sources is whole."""
+    for name, strips in (("clear", CLEAR), ("fabric", FABRIC)):
+        text = ROOM.format(name=name, strips=strips, more=EAST)
+        (tmp_path / f"{name}.toml").write_text(text)
+    assert run("evaluate", "clear.toml", "--variants", "fabric", "-o", "few")[0] == 0
+    files = {path.name for path in (tmp_path / "few" / "fabric").iterdir()}
+    assert files >= {"illuminance.nc", "sky.zarr", "metrics.json", "plan.json", "monthly.png"}
+    assert not files & {"coefficients.zarr", "year.zarr"}
+    E = xr.open_dataset(tmp_path / "few" / "fabric" / "illuminance.nc").load()
+    parts = E["sky_open"] + E["sun_open"]
+    np.testing.assert_allclose(parts, E["total_open"], rtol=1e-4, atol=1e-3)
+    assert (E["sun_open"] > 0).any()
+    assert E["facade_state"].sizes["group"] == 3  # two sides, and the fabric
+    code, out, _ = run("report", "few/clear", "few/fabric")
+    assert code == 0, out
+    numbers = json.loads((tmp_path / "few" / "fabric" / "metrics.json").read_text())
+    assert any('illuminance = "all"' in note for note in numbers["settings"]["notes"])
+
 
 @pytest.mark.parametrize(
     "more",
@@ -87,7 +109,7 @@ states = ["shade"]
 )
 def test_variants_are_what_each_is_alone(run, tmp_path, same, more):
     for name, strips in (("clear", CLEAR), ("fabric", FABRIC)):
-        text = ROOM.format(name=name, strips=strips, more=more)
+        text = ROOM.format(name=name, strips=strips, more=more + KEPT)
         (tmp_path / f"{name}.toml").write_text(text)
     code, out, err = run("evaluate", "clear.toml", "--variants", "fabric", "-o", "all")
     assert (code, err) == (0, "")

@@ -8,6 +8,8 @@ paths
     Paths that met no opening, and light that openings send back; on paths, or solved on cells.
 scenes
     Scenes in which one opening with one fill lets light in, and their deposits.
+light_on_receivers
+    Light on sensors and cells, and what paths gather of it: without dark cells, by parts of panes.
 trace
     Paths of a case, and the light of every element before any diffuse reflection.
 light, simulate

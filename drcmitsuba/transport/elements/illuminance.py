@@ -78,10 +78,11 @@ def illuminance(
         for r in range(accuracy.replicates):
             total, job = _Sums.of(year, trace, r), None
             for i, (element, light) in enumerate(_lit(trace, r), 1):
-                sky, by_sun = light.cells.sky.numpy(), _by_bin(light.cells.sun)
+                cells = light.cells.whole
+                sky, by_sun = cells.sky.numpy(), _by_bin(cells.sun)
                 if job is not None:
                     job.result()  # the light of one element waits at most
-                lit = element.number, element.bins, light.direct[0]
+                lit = element.number, element.bins, _on_sensors(light)
                 job = thread.submit(total.add, *lit, sky, by_sun)
                 progress((r + i / (len(trace.elements) + 1)) / accuracy.replicates)
             dr.flush_malloc_cache()
@@ -101,6 +102,11 @@ def _lit(trace: ElementTrace, replicate: int) -> Iterator[tuple[Element, Element
         yield trace.besides, besides
     for element in (each for each in trace.elements if not each.is_opaque):
         yield element, trace.deposited(element, here, besides)
+
+
+def _on_sensors(light: ElementDeposit) -> np.ndarray:
+    """S of all sensors in one replicate, shape (sensor, own bin) [sr]."""
+    return np.concatenate([some.direct.whole.numpy() for some in light.sensors])
 
 
 @dataclass(frozen=True, eq=False)

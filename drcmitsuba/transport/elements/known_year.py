@@ -54,7 +54,7 @@ class KnownYear:
         whole = Year.of(L, np.ones((L.shape[0], elements), np.float32), light.sky_bins)
         shape = (light.replicates, L.shape[0], sensors + blocks * differ)
         lit = {e: np.zeros(shape, np.float32) for e in summed}
-        same = () if differ else [each.weighed(np.ones(elements)).T for each in light.returned]
+        same = () if differ else light.sent_back(np.ones(elements))
 
         def of_replicate(job: tuple[int, int]) -> None:
             target, r = job
@@ -65,7 +65,7 @@ class KnownYear:
                 whole.add(E[:, :sensors], number, own.bins, own.total[r])
                 whole.add(D, number, own.bins, own.blocks[r])
             if not differ:
-                E += D @ np.asarray(same[r], np.float32)
+                E += D @ same[r]
 
         in_threads(of_replicate, [(e, r) for e in summed for r in range(light.replicates)])
         return cls(light, L, lit)
@@ -108,8 +108,8 @@ class KnownYear:
             return lit
         return np.stack(
             [
-                each[:, :sensors] + each[:, sensors:] @ back.weighed(shares).T
-                for each, back in zip(lit, self.light.returned, strict=True)
+                each[:, :sensors] + each[:, sensors:] @ G
+                for each, G in zip(lit, self.light.sent_back(shares), strict=True)
             ]
         )
 
@@ -129,14 +129,14 @@ class KnownYear:
             for here in pieces(len(hours_of), sensors)
         ]
 
+        G = [self.light.sent_back(row) for row in rows if differs]
+
         def of_replicate(r: int) -> None:
-            back = self.light.returned[r]
-            G = [np.ascontiguousarray(back.weighed(row).T) for row in rows if differs]
             for row, at in jobs:
                 here = run(at)
                 if differs:
                     X = self._weighed(r, rows[row], hours[at])
-                    E[r, here] = X[:, :sensors] + X[:, sensors:] @ G[row]
+                    E[r, here] = X[:, :sensors] + X[:, sensors:] @ G[row][r]
                 elif isinstance(here, slice):
                     self._weighed(r, rows[row], hours[at], E[r, here])
                 else:

@@ -12,7 +12,7 @@ product of the shares of the fills that it met.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -20,6 +20,7 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.case.groups import GroupStates
+from drcmitsuba.runtime.pieces import run
 from drcmitsuba.schema import mean_and_error
 from drcmitsuba.transport.coefficient_arrays import with_values, without_values
 from drcmitsuba.transport.elements.paths import SentBack
@@ -27,6 +28,9 @@ from drcmitsuba.transport.elements.weights import BESIDES, Year, chosen
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
+
+LATEST = 8
+"""Number of façades whose light that openings send back is kept."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,14 +100,15 @@ class ElementLight:
         return np.flatnonzero(self.straight.any(axis=(0, 2))) if lit else np.zeros(0, int)
 
     def pieces(
-        self, sky_bins: int, values: np.ndarray
+        self, sky_bins: int, values: np.ndarray, bins: np.ndarray
     ) -> Iterator[tuple[slice | np.ndarray, np.ndarray]]:
-        """Yield bins and values (replicate, bin, receiver) of the sky, and of the suns."""
+        """Yield places and values (replicate, bin, receiver) of the sky, and of the suns.
+
+        Places are those in `bins`, some of all bins in rising order, the sky's among them.
+        """
         yield slice(0, sky_bins), values[:, :sky_bins]
-        suns = self.bins[sky_bins:]
-        if len(suns):
-            whole = suns[-1] - suns[0] + 1 == len(suns)
-            yield slice(suns[0], suns[-1] + 1) if whole else suns, values[:, sky_bins:]
+        suns = sky_bins + np.flatnonzero(np.isin(self.bins[sky_bins:], bins[sky_bins:]))
+        yield run(np.searchsorted(bins, self.bins[suns])), values[:, run(suns)]
 
     @property
     def nbytes(self) -> int:
@@ -132,6 +137,10 @@ class LightByElement:
     """Light of every opening with every fill, opening by opening."""
     returned: tuple[SentBack, ...]
     """Light that openings send back into the room, in every replicate."""
+    _sent_back: dict[bytes, tuple[np.ndarray, ...]] = field(
+        default_factory=dict, init=False, repr=False
+    )
+    """What is kept of `sent_back`, the latest last."""
 
     @property
     def replicates(self) -> int:
@@ -166,21 +175,31 @@ class LightByElement:
         xr.Dataset
             As from `transport.coefficients.compute` [sr].
         """
-        some = [(self.besides, 1.0)]
-        some += [(self.elements[e], float(shares[e])) for e in np.flatnonzero(shares).tolist()]
-        lit = self._sum(some, "straight")
+        some, bins = self._some(shares), np.arange(len(self.labels))
+        lit = self._sum(some, "straight", bins)
         scatters = any(light.direct is not light.straight for light, _ in some)
-        direct = self._sum(some, "direct") if scatters else lit
-        total, D = self._sum(some, "total"), self._sum(some, "blocks")
-        for r, returned in enumerate(self.returned):
-            total[r] += D[r] @ returned.weighed(shares).T
-        data = {}
+        direct = self._sum(some, "direct", bins) if scatters else lit
+        total, data = self._total(shares, bins), {}
         parts = {"straight": lit, "direct": direct, "interreflected": total - direct}
         for name, values in parts.items():
             for end, array in zip(("", "_se"), mean_and_error(values), strict=True):
                 data[name + end] = np.ascontiguousarray(array.T)
         empty = without_values(list(self.labels), self.positions)
         return with_values(empty, data, np.ascontiguousarray(total.transpose(0, 2, 1)))
+
+    def replicates_at(self, shares: np.ndarray, bins: np.ndarray) -> xr.Dataset:
+        """`replicates` of the coefficients of a façade, at some bins alone.
+
+        Parameters
+        ----------
+        shares : np.ndarray, shape (element,)
+            As for `coefficients`.
+        bins : np.ndarray of int, shape (bin,)
+            Positions of bins among all labels, in rising order: those of ground and sky are among
+            them.
+        """
+        empty = without_values([self.labels[bin] for bin in bins.tolist()], self.positions)
+        return with_values(empty, {}, self._total(shares, bins).transpose(0, 2, 1))
 
     def straight(self, shares: np.ndarray, bins: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Part `straight` of the coefficients of a façade, at some bins alone.
@@ -207,7 +226,10 @@ class LightByElement:
         if parts:
             places, total = parts[0]
             if len(parts) > 1:
-                places = np.unique(np.concatenate([own for own, _ in parts]))
+                seen = np.zeros(out[0].size, bool)
+                for own, _ in parts:
+                    seen[own] = True
+                places = np.flatnonzero(seen)
                 total = np.zeros((self.replicates, len(places)), np.float32)
                 for own, C in parts:
                     total[:, np.searchsorted(places, own)] += C
@@ -215,15 +237,44 @@ class LightByElement:
                 array.reshape(-1)[places] = values
         return out[0], out[1]
 
-    def _sum(self, some: list[tuple[ElementLight, float]], name: str) -> np.ndarray:
-        """Σ w · light of all bins, (replicate, bin, receiver)."""
+    def _some(self, shares: np.ndarray) -> list[tuple[ElementLight, float]]:
+        """Light of a façade and its shares, what passes no opening first."""
+        some = [(self.elements[e], float(shares[e])) for e in np.flatnonzero(shares).tolist()]
+        return [(self.besides, 1.0), *some]
+
+    def _total(self, shares: np.ndarray, bins: np.ndarray) -> np.ndarray:
+        """C of a façade after all reflections [sr], shape (replicate, bin, sensor)."""
+        some = self._some(shares)
+        total, D = self._sum(some, "total", bins), self._sum(some, "blocks", bins)
+        for C, on_blocks, G in zip(total, D, self.sent_back(shares), strict=True):
+            C += on_blocks @ G
+        return total
+
+    def sent_back(self, shares: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Light of sensors by light on blocks that openings send back, in every replicate.
+
+        `shares` are those of all elements (element,). The arrays (block, sensor) of the latest
+        façades are kept: a state is asked for its hours, for all hours, and for its sources.
+        """
+        key = np.asarray(shares, np.float32).tobytes()
+        if (known := self._sent_back.pop(key, None)) is None:
+            known = tuple(np.ascontiguousarray(each.weighed(shares).T) for each in self.returned)
+        self._sent_back[key] = known
+        for old in [*self._sent_back][:-LATEST]:
+            del self._sent_back[old]
+        return known
+
+    def _sum(
+        self, some: list[tuple[ElementLight, float]], name: str, bins: np.ndarray
+    ) -> np.ndarray:
+        """Σ w · light of some bins, (replicate, bin, receiver)."""
         first = getattr(some[0][0], name)
-        out = np.zeros((len(first), len(self.labels), first.shape[2]), np.float32)
+        out = np.zeros((len(first), len(bins), first.shape[2]), np.float32)
         for light, share in some:
             values = getattr(light, name)
             if not light.is_lit[name]:
                 continue
-            for here, part in light.pieces(self.sky_bins, values):
+            for here, part in light.pieces(self.sky_bins, values, bins):
                 out[:, here] += part if share == 1 else np.float32(share) * part
         return out
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 from drcmitsuba_plugins.patches import Patches
@@ -13,15 +12,16 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import GroupStates
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress
+from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.elements.light import ElementLight, LightByElement
+from drcmitsuba.transport.elements.light_on_receivers import Matrix
+from drcmitsuba.transport.elements.paths import ElementPaths
 from drcmitsuba.transport.elements.scenes import Element
 from drcmitsuba.transport.elements.trace import ElementDeposit, ElementTrace, Points
 
-Matrix = Any
-"""Matrix of SciPy or NumPy."""
 MOST_BYTES = 12 << 30
 """Largest memory of light by element [bytes]."""
 BLOCKS = 300
@@ -72,17 +72,17 @@ def compute(
     lights = [_empty(trace, kept, element) for element in every]
     rows = max(trace.paths.gathered.cells.count, len(trace.points))
     together = max(1, TOGETHER // (rows * len(trace.labels)))
-    results, G = range(0), list[tuple[Matrix, Matrix]]()
+    results, paths = range(0), list[tuple[Matrix, Matrix]]()
     for some in _launches(accuracy.replicates, draws, together):
         before, results = results, range(some.start // draws, (some.stop - 1) // draws + 1)
         if results != before:  # one result may take several launches
-            G = [(trace.paths.matrix(k), trace.paths.onto_blocks(k)) for k in results]
+            paths = [_matrices(trace.paths, k) for k in results]
         besides = trace.beside(some)
         if besides is not None:
-            _add(lights[0], results, draws, besides, G)
+            _add(lights[0], results, draws, besides, paths)
         for i, (element, light) in enumerate(zip(every[1:], lights[1:], strict=True), 1):
             if not element.is_opaque:
-                _add(light, results, draws, trace.deposited(element, some, besides), G)
+                _add(light, results, draws, trace.deposited(element, some, besides), paths)
             done = some.start + len(some) * i / len(trace.elements)
             progress(done / accuracy.replicates)
     return LightByElement(
@@ -129,28 +129,29 @@ def _empty(trace: ElementTrace, kept: int, element: Element) -> ElementLight:
 
 def _add(
     light: ElementLight, results: range, draws: int, deposited: ElementDeposit,
-    gather: list[tuple[Matrix, Matrix]],
+    paths: list[tuple[Matrix, Matrix]],
 ) -> None:  # fmt: skip
     """Add the light of some replicates to results of `draws` each, gathered by their matrices."""
-    by_cell = deposited.cells.numpy()
-    D = by_cell.reshape(len(deposited.straight), -1, by_cell.shape[1])
-    means = (_summed(a, len(results), draws) for a in (deposited.straight, deposited.direct, D))
-    for k, straight, direct, cells, (onto_sensors, onto_blocks) in zip(
-        results, *means, gather, strict=True
-    ):
-        if straight.any():  # memory that is never written is never taken
-            light.straight[k] += straight.T
-        if light.direct is not light.straight:
-            light.direct[k] += direct.T
-        light.total[k] += (direct + onto_sensors @ cells).T
-        light.blocks[k] += (onto_blocks @ cells).T
+    these = slice(results.start, results.stop)
+    arrays = light.straight, light.direct, light.total, light.blocks
+    straight, direct, total, blocks = (a[these] for a in arrays)
+    scatters = light.direct is not light.straight
+    with one_blas_thread():  # most matrices are small
+        for sensors in deposited.sensors:
+            here = (..., sensors.here)
+            sensors.straight.add_to([straight[here]], draws)
+            sensors.direct.add_to([total[here], *([direct[here]] if scatters else [])], draws)
+        for out, matrices in zip((total, blocks), zip(*paths, strict=True), strict=True):
+            deposited.cells.add_to([out], draws, matrices)
 
 
-def _summed(values: np.ndarray, results: int, draws: int) -> np.ndarray:
-    """Sums over the replicates (replicate, …) of every result, over the number of its draws."""
-    if draws == 1:
-        return values
-    return values.reshape(results, -1, *values.shape[1:]).sum(axis=1) / np.float32(draws)
+def _matrices(paths: ElementPaths, result: int) -> tuple[Matrix, Matrix]:
+    """Matrices of a result from cells (cell, sensor), (cell, block): light is kept bin by bin."""
+    first, second = (
+        np.ascontiguousarray(G.T) if isinstance(G, np.ndarray) else G.T.tocsr()
+        for G in (paths.matrix(result), paths.onto_blocks(result))
+    )
+    return first, second
 
 
 def _size(sensors: int, blocks: int, kept: int, bins: int) -> int:

@@ -25,7 +25,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import HIDDEN, GroupStates
 from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.flat_arrays import flat, flat_indices
+from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
@@ -34,6 +34,7 @@ from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_in_state import grouped_panes, groups_with_surfaces
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport.elements.light_on_receivers import LightOnReceivers
 from drcmitsuba.transport.elements.marks import MOST_ELEMENTS, OpeningMarks
 from drcmitsuba.transport.elements.paths import ElementPaths, paths_of
 from drcmitsuba.transport.elements.scenes import Element, elements_of_case
@@ -48,30 +49,41 @@ KEPT = 1 << 26
 """Largest number of pairs of sensors and suns whose disks are kept for further replicates."""
 
 
-class ElementDeposit(NamedTuple):
-    """Light of an element in some replicates, before any diffuse reflection [sr]."""
+class SensorLight(NamedTuple):
+    """Light of an element on some sensors."""
 
-    straight: np.ndarray
-    """S of the sensors by straight light, shape (replicate, sensor, own bin)."""
-    direct: np.ndarray
-    """S of the sensors, likewise."""
-    cells: Irradiance
-    """D of the cells, shape (replicate · cell, own bin) together."""
+    here: slice
+    straight: LightOnReceivers
+    """S by straight light."""
+    direct: LightOnReceivers
+    """S by all light."""
+
+    def less(self, other: SensorLight, suns: np.ndarray) -> SensorLight:
+        """Subtract other light, as `LightOnReceivers.less`."""
+        straight = self.straight.less(other.straight, suns)
+        return SensorLight(self.here, straight, self.direct.less(other.direct, suns))
+
+
+class ElementDeposit(NamedTuple):
+    """Light of an element in some replicates, before any diffuse reflection."""
+
+    sensors: tuple[SensorLight, ...]
+    """S of the sensors, some of them after the others."""
+    cells: LightOnReceivers
+    """D of the cells."""
 
     def less(self, other: ElementDeposit, own: np.ndarray, bins: np.ndarray) -> ElementDeposit:
         """Subtract light that has all `bins` of this one among its `own`."""
-        at, (sky, sun) = np.searchsorted(own, bins), self.cells
-        suns = flat_indices(at[sky.shape[1] :] - sky.shape[1])
-        cells = Irradiance(sky - other.cells.sky, sun - _columns(other.cells.sun, suns))
-        straight, direct = self.straight, self.direct
-        return ElementDeposit(
-            straight - other.straight[..., at], direct - other.direct[..., at], cells
-        )
+        sky = self.cells.apart.sky.shape[1]
+        suns = np.searchsorted(own, bins)[sky:] - sky
+        pairs = zip(self.sensors, other.sensors, strict=True)
+        sensors = tuple(mine.less(theirs, suns) for mine, theirs in pairs)
+        return ElementDeposit(sensors, self.cells.less(other.cells, suns))
 
     @property
     def is_dark(self) -> bool:
         """Whether there is no light at all."""
-        return not self.direct.any() and not self.cells.numpy().any()
+        return all(each.is_dark for each in (self.cells, *(of.direct for of in self.sensors)))
 
 
 @dataclass(frozen=True)
@@ -179,25 +191,25 @@ class ElementTrace:
         if element.photons is not None:
             seeds = (launch_seed(self.accuracy.seed, Stream.PHOTONS, r) for r in numbers)
             every.landed = tuple(element.photons.traced(seed) for seed in seeds)
-        cells = Irradiance(*(dr.zeros(mi.TensorXf, (0, n)) for n in light.bins))
+        every.cells = Irradiance(*(dr.zeros(mi.TensorXf, (0, n)) for n in light.bins))
         if gathered.cells.count:
             drawn = gathered.drawn.of(numbers)
             within = within_of(light.scene, drawn.p.numpy().reshape(-1, 3))
             every.meet(drawn, gathered.cells.keys, within)
-            every.join()
-            assert every.cells is not None
-            cells = every.cells
-        shape = len(numbers), len(self.points), len(element.bins)
-        straight, direct = (np.empty(shape, np.float32) for _ in range(2))
+        panes = tuple((each.cells, each.light) for each in every.panes)
+        count, sensors = len(numbers), []
         for here in gathered.blocks:
             p, n = flat(self.points[here]), flat(self.normals[here])
             told = None if gathered.within is None else gathered.within[here]
             within = within_of(light.scene, self.points[here], told)
             disks = self._disks_of(element, here, p, n, within)
-            parts = every.sensors(p, n, here, element.sun_samples, within, disks)
-            for out, part in zip((straight, direct), parts, strict=True):
-                out[:, here] = part.numpy().reshape(shape[0], -1, shape[2])
-        return ElementDeposit(straight, direct, cells)
+            straight, direct, parts = every.sensors_by_parts(
+                p, n, here, element.sun_samples, within, disks
+            )
+            dr.eval(straight, direct)
+            each = LightOnReceivers(count, straight), LightOnReceivers(count, direct, tuple(parts))
+            sensors.append(SensorLight(here, *each))
+        return ElementDeposit(tuple(sensors), LightOnReceivers(count, every.cells, panes))
 
     def _disks_of(
         self, element: Element, here: slice, p: mi.Float, n: mi.Float, within: Within
@@ -210,16 +222,3 @@ class ElementTrace:
             if suns * len(self.points) <= KEPT:
                 self._disks[key] = disks
         return disks
-
-
-def _columns(values: mi.TensorXf, at: mi.UInt32) -> mi.TensorXf:
-    """Some columns of a matrix."""
-    rows, columns = values.shape[0], dr.width(at)
-    if rows * columns == 0:
-        return dr.zeros(mi.TensorXf, (rows, columns))
-    few, many = (dr.opaque(mi.UInt32, n) for n in (columns, values.shape[1]))
-    entry = dr.arange(mi.UInt32, rows * columns)
-    column = dr.gather(mi.UInt32, at, entry % few)
-    return mi.TensorXf(
-        dr.gather(mi.Float, values.array, entry // few * many + column), (rows, columns)
-    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import mitsuba as mi
@@ -23,6 +24,15 @@ class Irradiance(NamedTuple):
     def through(self, weights: mi.TensorXf, replicates: int) -> Irradiance:
         """Light that receivers get, by their weights (replicate · receiver, part) of this light."""
         return Irradiance(*(by_replicate(weights, part, replicates) for part in self))
+
+    def by_bin(self, weights: np.ndarray) -> Iterator[np.ndarray]:
+        """Yield sums (bin, receiver) of this light over the replicates of each result.
+
+        `weights` are those of the light for receivers, (result, replicate, part, receiver).
+        """
+        results, receivers = len(weights), weights.shape[3]
+        every = self.numpy().reshape(results, weights.shape[1] * weights.shape[2], -1)
+        return (light.T @ W.reshape(-1, receivers) for light, W in zip(every, weights, strict=True))
 
     def numpy(self) -> np.ndarray:
         """All bins in one array (receiver, bin)."""

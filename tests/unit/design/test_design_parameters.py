@@ -224,6 +224,19 @@ def test_gradients_of_strips_are_the_differences(year):
     check(problem(year, Strips(panes(year.tiles), one, film)), x)
 
 
+def test_gradients_that_are_asked_for_later_are_the_same(year):
+    """The graph of a design is gone once the next one is evaluated, and is made anew."""
+    given, x = problem(year, window(year.tiles)), np.array([0.33, 0.47, 0.61, 0.27])
+    first = given.evaluate(x, 8.0)
+    again = given.evaluate(x, 8.0)
+    x[:] = 0.5  # a search may reuse its array
+    given.evaluate(x, 8.0)
+    np.testing.assert_allclose(first.gradient, again.gradient, rtol=1e-5)
+    np.testing.assert_allclose(first.ase_gradient, again.ase_gradient, rtol=1e-5)
+    assert again.slopes.of is again.slopes.of
+    assert (first.gradient != 0).all()
+
+
 def test_tiles_that_are_windows_as_a_whole_have_film_alone(year):
     window, film = Parameter("window", 0, 1, 0.5, 12), Parameter("film", 0, 1, 0.5, 18)
     strips = Strips(panes(year.tiles), window, film, whole=6)
