@@ -100,7 +100,8 @@ class GlazingMaterial(Table):
     def multiple_of(self, other: SurfaceMaterial | None) -> float | None:
         """Factor of another pane whose light this one lets through times it; None without such.
 
-        Panes by an exponent that reflect nothing are multiples of one another, at all incidences.
+        Panes by an exponent that reflect nothing are multiples of one another, at all incidences,
+        of light that passes them once.
         """
         if not isinstance(other, GlazingMaterial) or self.ior is not None or self.reflectance:
             return None
