@@ -138,7 +138,7 @@ class _Tried:
     def merit(self, target: int) -> tuple[bool, float]:
         """Sort key: whether the level is reached as drawn, and how far that is from its limit."""
         if self.drawn is None:
-            return self.changed.levels[target].reached, -np.inf
+            return False, -np.inf
         return self.drawn.levels[target].reached, self.drawn.levels[target].margin.slack
 
 

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from itertools import product
+from types import SimpleNamespace
 
 import mitsuba as mi
 import numpy as np
@@ -14,7 +15,7 @@ from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.cli import main
 from drcmitsuba.design.change_problem import ChangeProblem
 from drcmitsuba.design.change_search import least_change
-from drcmitsuba.design.cheapest_change import cheapest_change, cheapest_changes
+from drcmitsuba.design.cheapest_change import _Tried, cheapest_change, cheapest_changes
 from drcmitsuba.design.composed_facades import ComposedFacade, Facades
 from drcmitsuba.design.facade_maps import Panes, Strips, Window
 from drcmitsuba.design.facade_tiles import Tiles as FacadeTiles
@@ -426,6 +427,16 @@ def test_smooth_margins_tend_to_the_hard_ones(year, at_least, changes):
     (far,), (near,) = (asked.smooth(lit, k) for k in (8.0, 4096.0))
     assert abs(float(near[0]) - hard[0]) < 0.02
     assert abs(float(near[0]) - hard[0]) <= abs(float(far[0]) - hard[0])
+
+
+def test_a_change_that_fails_as_drawn_beats_one_that_no_case_was_drawn_of():
+    def tried(reached, slack):
+        margin = SimpleNamespace(slack=slack)
+        drawn = SimpleNamespace(levels=[SimpleNamespace(reached=reached, margin=margin)])
+        return _Tried(None, None, drawn, None if slack is None else drawn)
+
+    order = [tried(True, None), tried(False, -0.2), tried(False, -0.1), tried(True, 0.0)]
+    assert sorted(order, key=lambda each: each.merit(0)) == order
 
 
 @pytest.mark.parametrize(
