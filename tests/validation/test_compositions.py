@@ -63,8 +63,7 @@ def test_fifty_mixed_compositions(state, capsys):
     case, rng = load_case("classroom/o3"), np.random.default_rng(5)
     light = daylight(case)
     suns, L = some_hours(light)
-    count = 50 if state == "open" else 10
-    cases = [mixed(case, rng, i) for i in range(count)]
+    cases = [mixed(case, rng, i) for i in range(50)]  # ten together scatter by 0.2 %
     finer = case.accuracy.model_copy(update={"replicates": 24})  # all compositions share its noise
 
     cut = TiledFacades.of_grid(case, "south", np.array(HEIGHTS), SEGMENTS, tuple(MATERIALS))
