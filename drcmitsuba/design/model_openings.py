@@ -249,18 +249,17 @@ class SearchedOpenings:
     def _closings(self) -> Iterator[tuple[Place, tuple[str, ...]]]:
         """Yield the elements that a group, or the shade, changes, and what into, by name."""
         case, starts = self.variants[1], self.facades.panes.states.starts
-        shade, of_panes, groups = case.shading, prepared(case).groups, [*case.groups.values()]
+        shade, closing, groups = case.shading, prepared(case).groups, [*case.groups.values()]
         variants = zip(self.facades.drawn, self.facades.members, strict=True)
         for number, (drawn, members) in enumerate(variants):
             for g, row in drawn.items():
                 panes, element = self.every[g], starts[g] + int(row.argmax())
-                assert panes.quads is not None
                 if groups and g in members:
                     group = members[g].group
                     further = tuple(starts[g] + f for f in members[g].fills)
                     yield Place(element, group, further), further_materials(case, groups[group])
                 elif shade is not None and not groups and number == 1:
-                    group = int(of_panes.of_quads[panes.layer][panes.quads[0]])
+                    group = closing.of_panes(panes)
                     if panes.clear and group >= 0:
                         names = self.facades.panes.states.states[g]
                         closed = starts[g] + names.index(shade.material, 1)
@@ -297,7 +296,6 @@ def meant_panes(case: Case, design: Design) -> tuple[str, ...]:
 
 def _group(case: Case, panes: LikePanes) -> str:
     """Name of the group of `[groups]` that panes belong to, "" for none."""
-    assert panes.quads is not None
     groups = prepared(case).groups
-    number = int(groups.of_quads[panes.layer][panes.quads[0]])
+    number = groups.of_panes(panes)
     return groups.states.names[number] if case.groups and number != NO_GROUP else ""

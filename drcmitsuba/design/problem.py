@@ -70,7 +70,7 @@ class FacadeScore(Score):
 
 
 class Graph(NamedTuple):
-    """What reverse passes follow: x (free,) with its gradients, and numbers that depend on it."""
+    """Input x (free,) with its gradients, and numbers that reverse passes follow back to it."""
 
     x: mi.Float
     outputs: dict[str, mi.Float]

@@ -20,7 +20,7 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.glare_year.state_doubts import StateDoubts
+from drcmitsuba.glare_year.state_doubts import StateDoubts, draws_of
 from drcmitsuba.glare_year.worst_views import worst_spaces, worst_views
 from drcmitsuba.metrics.intervals.autonomy import multipliers
 from drcmitsuba.model.space import Space
@@ -105,10 +105,7 @@ class GlareYear:
         dgp = self.hours["dgp"].transpose("state", "time", "view").values
         for s in range(states):
             for v in range(views):
-                each = self.replicates[:, s, self.counted, v]
-                mean = each.mean(axis=0)
-                values = mean[:, None] + (each - mean).T @ drawn
-                in_states = values
+                values = in_states = draws_of(self.replicates[:, s, self.counted, v], drawn)
                 if self.doubts is not None and s == states - 1:
                     in_states = self.doubts.in_drawn_states(values, self.counted, v, drawn)
                 for limit, shares in out.items():

@@ -11,6 +11,12 @@ from typing import NamedTuple
 import numpy as np
 
 
+def draws_of(replicates: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Draws (hour, draw) of values by replicates (replicate, hour) and their weights."""
+    mean = replicates.mean(axis=0)
+    return np.asarray(mean[:, None] + (replicates - mean).T @ weights)
+
+
 class StateDoubts(NamedTuple):
     """Other states that the façade may take in some hours of the state `applied`."""
 
@@ -41,7 +47,5 @@ class StateDoubts(NamedTuple):
         row, number = np.searchsorted(counted, self.hours[kept]), self.drawn[kept]
         out = values.copy()
         for k, each in enumerate(np.moveaxis(self.replicates[..., kept, view], 1, 0), 1):
-            mean = each.mean(axis=0)
-            other = mean[:, None] + (each - mean).T @ weights
-            out[row] = np.where(number == k, other, out[row])
+            out[row] = np.where(number == k, draws_of(each, weights), out[row])
         return out

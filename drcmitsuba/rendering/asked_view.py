@@ -47,13 +47,13 @@ class AskedView:
     effects: EnabledEffects
     sampling: Sampling
     stated: Mapping[str, Any]
-    """What light paths depend on, but for the façade."""
+    """Inputs of light paths but for the façade."""
     folder: Path | None
     """Folder in which the light paths of all views are kept; None without any."""
 
     @property
     def content(self) -> dict[str, Any]:
-        """What light paths depend on."""
+        """Inputs of light paths."""
         return {**self.stated, "facade": self.facade.stated}
 
     @property

@@ -76,7 +76,7 @@ class ViewFacade:
 
     @property
     def stated(self) -> State | dict[str, list[str]]:
-        """What light paths depend on: the fills by opening, or the one state."""
+        """Façade as an input of light paths: the fills by opening, or the one state."""
         return {name: [*fills] for name, fills in self.fills.items()} or self.state
 
     @cached_property

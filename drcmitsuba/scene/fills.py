@@ -24,7 +24,7 @@ from drcmitsuba.model.windows import materials_around
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import choose, shortened
 from drcmitsuba.scene.enabled_effects import EnabledEffects
-from drcmitsuba.scene.like_panes import LikePanes, assigned_to, like_panes
+from drcmitsuba.scene.like_panes import assigned_to, like_panes
 from drcmitsuba.scene.materials import shade_covers
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_of_model import panes_of_model
@@ -81,7 +81,7 @@ def _apart(case: Case, own: PaneGroups) -> PaneGroups:
     every, place = [], {old: new for new, old in enumerate(named)}
     rest = []
     for panes in like_panes(case):
-        group = _opening_of(own, panes)
+        group = own.of_panes(panes)
         if group not in place:
             rest.append(panes)
         every.append((panes, place.get(group, len(named) + len(rest) - 1)))
@@ -98,7 +98,7 @@ def _apart(case: Case, own: PaneGroups) -> PaneGroups:
         (*(own.materials[g] for g in named), *((),) * len(rest)),
         spaces=(
             *(own.spaces[g] if own.spaces else () for g in named),
-            *((panes.space,) if panes.space else () for panes in rest),
+            *(panes.spaces for panes in rest),
         ),
     )
 
@@ -109,7 +109,7 @@ def clear_panes(case: Case, openings: PaneGroups) -> list[bool]:
         return [*map(shade_covers, openings.drawn)]
     clear = [False] * len(openings)
     for panes in like_panes(case):
-        clear[_opening_of(openings, panes)] |= panes.clear
+        clear[openings.of_panes(panes)] |= panes.clear
     return clear
 
 
@@ -117,7 +117,7 @@ def drawn_in(case: Case, openings: PaneGroups) -> list[str]:
     """Name of what the case draws in every opening: a material, or "open" where these differ."""
     materials: list[set[str]] = [set() for _ in range(len(openings))]
     for panes in like_panes(case):
-        materials[_opening_of(openings, panes)].add(panes.name)
+        materials[openings.of_panes(panes)].add(panes.name)
     alone = (next(iter(names)) if len(names) == 1 else OPEN for names in materials)
     known = zip(alone, openings.states.states, strict=True)
     return [OPEN if name in states else name for name, states in known]
@@ -155,14 +155,6 @@ def effects_of(openings: PaneGroups, scope: EnabledEffects, chosen: Effects) -> 
         films=calls("films", BsdfMaterial),
         depth=depth,
     )
-
-
-def _opening_of(groups: PaneGroups, panes: LikePanes) -> int:
-    """Group of panes, `NO_GROUP` for none."""
-    if panes.quads is not None:
-        return int(groups.of_quads[panes.layer][panes.quads[0]])
-    assert panes.strip is not None
-    return groups.strip(*panes.strip)
 
 
 def _wall(case: Case, openings: PaneGroups, group: int) -> Lambertian:

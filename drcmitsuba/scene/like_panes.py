@@ -36,6 +36,11 @@ class LikePanes:
     space: str = ""
     """Name of the space in which they stand, where that is asked for; "" for none."""
 
+    @property
+    def spaces(self) -> tuple[str, ...]:
+        """Space by whose sensors alone a shade closes them, none where that is not asked for."""
+        return (self.space,) if self.space else ()
+
     def __str__(self) -> str:
         return f"{self.name} ({self.facing}{', ' * bool(self.space)}{self.space})"
 

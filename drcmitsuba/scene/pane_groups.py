@@ -131,6 +131,13 @@ class PaneGroups:
         )
         return {o: Member(g, (*range(1, len(s)),)) for o, (g, s) in enumerate(standing)}
 
+    def of_panes(self, panes: LikePanes) -> int:
+        """Group of panes, `NO_GROUP` for none."""
+        if panes.quads is not None:
+            return int(self.of_quads[panes.layer][panes.quads[0]])
+        assert panes.strip is not None
+        return self.strip(*panes.strip)
+
     def strip(self, name: str, side: str) -> int:
         """Group of a strip's panes."""
         return self.of_strip.get((name, side), NO_GROUP)

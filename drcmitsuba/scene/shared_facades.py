@@ -169,7 +169,7 @@ def _of_models(cases: Sequence[Case]) -> SharedFacades:
     panes = PaneGroups(
         states, *assigned, tuple((panes.facing,) for panes in every),
         tuple(tuple(of.values())[1:] for of in kinds),
-        spaces=tuple((panes.space,) if panes.space else () for panes in every),
+        spaces=tuple(panes.spaces for panes in every),
     )  # fmt: skip
     known = [[*of.values()] for of in kinds]
     drawn, members = [], []
@@ -241,8 +241,7 @@ def _drawn(case: Case, panes: LikePanes) -> SurfaceMaterial:
 def _states(case: Case, panes: LikePanes) -> tuple[int, tuple[SurfaceMaterial | None, ...]]:
     """Group of `[groups]` that panes belong to, and their materials in its further states."""
     groups = prepared(case).groups
-    assert panes.quads is not None
-    group = int(groups.of_quads[panes.layer][panes.quads[0]])
+    group = groups.of_panes(panes)
     if group == NO_GROUP or not case.groups or len(groups.states.states[group]) == 1:
         return NO_GROUP, ()
     layer, count = case.building.layers[panes.layer], len(groups.states.states[group])
