@@ -122,3 +122,32 @@ class SyntheticYear:
     @cached_property
     def _tensors(self):
         return [mi.TensorXf(b.reshape(-1, b[0, 0].size)) for b in self.arrays]
+
+    def at(self, hours):
+        return SomeHours(self, hours)
+
+
+@dataclass(frozen=True)
+class SomeHours:
+    """Some time stamps of a year by formula, each of which stands for several."""
+
+    year: SyntheticYear
+    hours: np.ndarray
+
+    def __getattr__(self, name):
+        return getattr(self.year, name)
+
+    @property
+    def months(self):
+        return self.year.months[self.hours]
+
+    @property
+    def step_hours(self):
+        return self.year.step_hours * self.year.time / len(self.hours)
+
+    def illuminance(self, share, scale=None):
+        E, sensors = self.year.illuminance(share, scale), len(self.year.sensors[0])
+        entries = mi.UInt32((self.hours[:, None] * sensors + np.arange(sensors)).ravel())
+        shape = len(self.hours), sensors
+        of = (dr.gather(mi.Float, e.array, entries) for e in (E.open, E.shaded, E.direct))
+        return Found(*(mi.TensorXf(e, shape) for e in of))

@@ -1,7 +1,7 @@
 """Constraints of SLSQP on a façade's smooth twins: area of the panes, ASE, glare, a least aim.
 
-Smooth and hard numbers differ, so the limits of ASE, of glare and of the aim are shifted by their
-difference at the start of a stage.
+Smooth and hard numbers differ, so the limits of ASE, of glare and of the aim are shifted by hard −
+smooth at the start of a stage.
 """
 
 from __future__ import annotations
@@ -44,10 +44,9 @@ def area_constraints(
 
 
 def limit_constraint(
-    name: Literal["ase", "glare"], limit: float, at: At, start: FacadeCandidate
+    name: Literal["ase", "glare"], limit: float, at: At, shift: float
 ) -> dict[str, Any]:
-    """Constraint on a smooth number, whose limit is lowered by hard − smooth at the start."""
-    shift = getattr(start.hard, name) - getattr(start.smooth, name)
+    """Constraint on a smooth number, whose limit is lowered by the shift [%]."""
     return {
         "type": "ineq",
         "fun": lambda p: (limit - shift - getattr(at(p).smooth, name)) / 100,
@@ -55,9 +54,8 @@ def limit_constraint(
     }
 
 
-def aim_constraint(least: float, at: At, start: FacadeCandidate) -> dict[str, Any]:
-    """Constraint on the smooth aim, whose least value is raised by smooth − hard at the start."""
-    shift = start.hard.aim - start.smooth.aim
+def aim_constraint(least: float, at: At, shift: float) -> dict[str, Any]:
+    """Constraint on the smooth aim, whose least value is lowered by the shift [%]."""
     return {
         "type": "ineq",
         "fun": lambda p: (at(p).smooth.aim + shift - least) / 100,

@@ -6,7 +6,7 @@ the groups take; its smooth twin mixes the states, each by the product of the sh
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 
@@ -76,6 +76,10 @@ class FacadeGroups:
         at = prepared(case).receivers.coordinates.assign_attrs(spaces=spaces_text(case))
         grid, outside = grid_of_sensors(at), outside_of(groups, at)
         return cls.of(ShadeRule.of_case(case, groups), time, grid, outside, case.source, most)
+
+    def at(self, hours: np.ndarray) -> FacadeGroups:
+        """Groups at some time stamps (hour,)."""
+        return replace(self, time=self.time[hours])
 
     @property
     def is_plain(self) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
@@ -68,6 +68,12 @@ class FacadeYear:
     def step_hours(self) -> float:
         """Duration of a time step [h]."""
         return self.channels[0][1].step_hours
+
+    def at(self, hours: np.ndarray) -> FacadeYear:
+        """Year of some time stamps (hour,), each of which stands for several; without eyes."""
+        groups = None if self.groups is None else self.groups.at(hours)
+        channels = tuple((weight, year.at(hours)) for weight, year in self.channels)
+        return replace(self, channels=channels, groups=groups, daylight=None, eyes=None)
 
     def illuminance(
         self, share: mi.TensorXf, scale: Mapping[str, mi.Float] | None = None

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
+
+import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.design.facade_year import FacadeYear
@@ -74,6 +76,12 @@ class Goal:
             of_case, film, design.aim, cost, limit, window_area, least, requirement,
             design.glare_limit,
         )  # fmt: skip
+
+    def at(self, hours: np.ndarray, step_hours: float) -> Goal:
+        """Goal of some time stamps (hour,), each of which stands for so many hours."""
+        rules, asked = replace(self.rules, step_hours=step_hours), self.requirement
+        asked = None if asked is None else asked.at_hours(hours, rules)
+        return replace(self, rules=rules, requirement=asked)
 
     def value(self, aim: Any, film: Any, window: Any) -> Any:
         """Objective [%] of an aim [%], and areas of film and panes over that of the tiles [–]."""

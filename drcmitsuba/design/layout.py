@@ -269,8 +269,7 @@ class Layout:
             Free values as fractions of their ranges, 0 to 1.
         """
         if self.design.parameters == "window":
-            levels = {1: 9, 2: 5, 3: 3}.get(problem.size, 0)
-            grid = np.linspace(0, 1, levels)
+            grid = np.linspace(0, 1, 3 if problem.size == 3 else 0)
             return [np.array(x) for x in product(grid, repeat=problem.size)]
         bottom, top = problem.year.tiles.bounds[:, 2:].T
         at = ((bottom + top) / 2 - self.band[0]) / (self.band[1] - self.band[0])

@@ -3,7 +3,10 @@
 Sequential quadratic programming follows the gradients of the smooth twins [1]_. Smooth and hard ASE
 differ, so each stage of the continuation shifts the limit by their difference at its start. The
 optimum is the best of all evaluations by the hard numbers. Hard numbers change in steps of one
-sensor, without gradients: if few values are free, a pattern search [2]_ by hard numbers follows.
+sensor, without gradients: if few values are free, a pattern search by hard numbers follows.
+
+The stages are of few hours, which come near the optimum, and the last steps of all of them. Where
+only one value or two are free, a sweep over them takes the place of the stages.
 
 Where the least area is looked for, the aim is raised until a façade reaches its least value, and is
 a constraint like ASE from then on.
@@ -13,8 +16,6 @@ Where a sweep over limits of ASE meets a better façade, the search goes on from
 References
 ----------
 .. [1] D. Kraft, "A software package for sequential quadratic programming", DFVLR-FB 88-28, 1988.
-.. [2] R. Hooke, T. A. Jeeves, "'Direct search' solution of numerical and statistical problems",
-   Journal of the ACM 8, 1961.
 """
 
 from __future__ import annotations
@@ -37,6 +38,15 @@ from drcmitsuba.design.constraints import (
     area_constraints,
     limit_constraint,
 )
+from drcmitsuba.design.hard_search import (
+    FEW,
+    best_within,
+    from_sketches,
+    pattern_search,
+    scan,
+    sweep,
+    sweeps,
+)
 from drcmitsuba.design.problem import FacadeCandidate, FacadeProblem
 from drcmitsuba.design.search import History, LocalSearch, Optimum, row, run
 from drcmitsuba.runtime import storage
@@ -44,12 +54,8 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress
 
 SHARPNESS = (4.0, 8.0, 16.0, 32.0)
-FEW = 6
-"""Largest number of free values for which a pattern search follows the gradient search."""
-PATTERN = (0.05, 0.02, 0.01)
-"""Lengths of the pattern's steps, as fractions of the range between the bounds."""
-ROUNDS = 20
-"""Largest number of rounds of the pattern with one length."""
+LAST = 5
+"""Largest number of steps by all hours, after those by few."""
 
 FacadeOptimum: TypeAlias = Optimum[FacadeProblem, FacadeCandidate]
 
@@ -131,22 +137,19 @@ def optimise(
     KeyboardInterrupt
         The search was stopped before anything was evaluated.
     """
-    rng = np.random.default_rng(search.seed)
-    starts: list[np.ndarray | None] = [problem.start]
-    starts += [rng.random(problem.size) for _ in range(search.starts - 1)]
-    searches: list[LocalSearch] = []
-    if len(known):
-
-        def look(history: FacadeHistory, progress: Progress) -> None:
-            for i, x in enumerate(known):
-                history.evaluate(np.asarray(x, float), "known", search.sharpness[-1])
-                progress((i + 1) / len(known))
-
-        searches.append(look)
-        starts.insert(0, None)
-    limit = problem.goal.ase_limit
-    for i, start in enumerate(starts, 1):
-        searches.append(partial(_continuation, f"start {i}", start, search, limit))
+    limit, last = problem.goal.ase_limit, search.sharpness[-1]
+    searches: list[LocalSearch] = [partial(scan, known, last)] if len(known) else []
+    starts: list[np.ndarray | None] = [None] if len(known) else []
+    if sweeps(problem):
+        start = partial(from_sketches, label="sweep", ase_limit=limit)
+        searches, starts = [*searches, partial(sweep, last), start], [None]
+        search = replace(search, sharpness=(last,))
+    else:
+        rng = np.random.default_rng(search.seed)
+        starts.append(problem.start)
+        starts += [rng.random(problem.size) for _ in range(search.starts - 1)]
+    for i, x in enumerate(starts, 1):
+        searches.append(partial(_continuation, f"start {i}", x, search, limit))
     searches += _by_hard_numbers(problem)
     return Optimum.of(History(problem), searches, progress)
 
@@ -180,17 +183,21 @@ def pareto(
         Front of all evaluations made, also where Ctrl-C stopped the sweep.
     """
     problem, before = optimum.problem, optimum.history
-    history = History(problem, list(before.steps), before.begin)
+    history = replace(before, steps=list(before.steps))
     last = replace(search, sharpness=search.sharpness[-2:])
-    searches = [
-        partial(_continuation, f"ASE ≤ {limit:g} %", None, last, limit)
-        for limit in sorted(limits, reverse=True)
+    labels = {f"ASE ≤ {limit:g} %": limit for limit in sorted(limits, reverse=True)}
+    searches: list[LocalSearch] = [
+        partial(from_sketches, label=label, ase_limit=limit)
+        if before.sketches
+        else partial(_continuation, label, None, last, limit)
+        for label, limit in labels.items()
     ]
 
     def again(history: FacadeHistory, progress: Progress) -> None:
         if history.best() is optimum.best:
             return
-        _continuation("from the front", None, last, problem.goal.ase_limit, history, progress)
+        if not history.sketches:
+            _continuation("from the front", None, last, problem.goal.ase_limit, history, progress)
         for refine in _by_hard_numbers(problem):
             refine(history, progress)
 
@@ -201,7 +208,10 @@ def pareto(
 
 def _by_hard_numbers(problem: FacadeProblem) -> list[LocalSearch]:
     """Searches by hard numbers that follow those by gradients."""
-    searches: list[LocalSearch] = [pattern_search] if problem.size <= FEW else []
+    limit = problem.goal.ase_limit
+    searches: list[LocalSearch] = []
+    if problem.size <= FEW:
+        searches.append(partial(pattern_search, label="pattern", ase_limit=limit))
     return [*searches, lower_area] if problem.goal.least is not None else searches
 
 
@@ -228,39 +238,53 @@ def _continuation(
 ) -> None:  # fmt: skip
     """Gradient ascent by SLSQP in stages of rising sharpness, within a limit of ASE [%].
 
-    The start, shape (free,), is by default the best candidate so far.
+    The start, shape (free,), is by default the best candidate so far. Where the problem has a
+    smaller one of few hours, the stages are of it; a short one of all hours ends them.
     """
     problem, x = history.problem, start
     if x is None:
-        x = history.best(
-            lambda c: c.merit(ase_limit, problem.area_error(c.hard), problem.glare_excess(c.hard))
-        ).x
-    stage = partial(_stage, history, label, search.iterations, ase_limit)
-    for i, k in enumerate(search.sharpness):
-        x = stage(x, k)
-        last = history.steps[-1].candidate.hard
-        beyond = (ase_limit is not None and last.ase > ase_limit) or not last.holds_aim
-        beyond |= problem.glare_excess(last) > 0
-        if beyond and i + 1 == len(search.sharpness):
-            # The stage's start shifted the limits: once more, shifted by the stage's end.
-            stage(x, k)
-        progress((i + 1) / len(search.sharpness))
+        x = best_within(history, ase_limit).x
+    stage = partial(_stage, history, label, ase_limit)
+    few, last = problem.in_few_hours, search.sharpness[-1]
+    stages = [(few, search.iterations, k) for k in search.sharpness]
+    if few is not problem:
+        stages.append((problem, min(LAST, search.iterations), last))
+    for i, (of, iterations, k) in enumerate(stages):
+        x = stage(of, iterations, x, k)
+        progress((i + 1) / len(stages))
+    end = history.steps[-1].candidate.hard
+    beyond = (ase_limit is not None and end.ase > ase_limit) or not end.holds_aim
+    if beyond or problem.glare_excess(end) > 0:
+        # The stage's start shifted the limits: once more, shifted by the stage's end.
+        stage(problem, stages[-1][1], x, last)
 
 
 def _stage(
-    history: FacadeHistory, label: str, iterations: int, ase_limit: float | None,
-    x: np.ndarray, sharpness: float,
+    history: FacadeHistory, label: str, ase_limit: float | None, problem: FacadeProblem,
+    iterations: int, x: np.ndarray, sharpness: float,
 ) -> np.ndarray:  # fmt: skip
-    """Maximise at one sharpness, and return the last point, shape (free,)."""
+    """Maximise at one sharpness, and return the last point, shape (free,).
+
+    The problem is that of the history, or one of few of its hours, which the history does not keep.
+    """
     evaluated: dict[bytes, FacadeCandidate] = {}
+    begin = history.evaluate(x, label, sharpness)
 
     def at(point: np.ndarray) -> FacadeCandidate:
         # If constraints contradict each other, SLSQP may evaluate NaN: the start replaces it.
         inside = np.clip(np.where(np.isfinite(point), point, x), 0, 1)
         key = inside.tobytes()  # value and gradients are asked for one by one
         if key not in evaluated:
-            evaluated[key] = history.evaluate(inside, label, sharpness)
+            if problem is not history.problem:
+                evaluated[key] = problem.evaluate(inside, sharpness)
+            elif (inside == begin.x).all():
+                evaluated[key] = begin
+            else:
+                evaluated[key] = history.evaluate(inside, label, sharpness)
         return evaluated[key]
+
+    def shift(name: str) -> float:
+        return float(getattr(begin.hard, name) - getattr(at(x).smooth, name))
 
     goal = history.problem.goal
     raises_aim = goal.least is not None and not any(c.hard.holds_aim for c in history.candidates)
@@ -268,11 +292,11 @@ def _stage(
         goal.window_area, lambda p: at(p).smooth.window_area, lambda p: at(p).area_gradient
     )
     if ase_limit is not None:
-        constraints.append(limit_constraint("ase", ase_limit, at, at(x)))
+        constraints.append(limit_constraint("ase", ase_limit, at, shift("ase")))
     if goal.glare_limit is not None:
-        constraints.append(limit_constraint("glare", goal.glare_limit, at, at(x)))
+        constraints.append(limit_constraint("glare", goal.glare_limit, at, shift("glare")))
     if goal.least is not None and not raises_aim:
-        constraints.append(aim_constraint(goal.least.aim, at, at(x)))
+        constraints.append(aim_constraint(goal.least.aim, at, shift("aim")))
 
     def value(point: np.ndarray) -> float:
         smooth = at(point).smooth
@@ -296,20 +320,3 @@ def _stage(
             options={"maxiter": iterations, "ftol": 1e-5},
         )
     return at(end.x).x
-
-
-def pattern_search(history: FacadeHistory, progress: Progress) -> None:
-    """Search along the axes by hard numbers, from the best candidate, with ever shorter steps."""
-    for i, length in enumerate(PATTERN):
-        for _ in range(ROUNDS):
-            before = history.best()
-            for axis in range(len(before.x)):
-                for step in (length, -length):
-                    x = before.x.copy()
-                    x[axis] = np.clip(x[axis] + step, 0, 1)
-                    if x[axis] != before.x[axis]:
-                        history.evaluate(x, "pattern", before.sharpness)
-            now = history.best()
-            if now.hard.rank <= before.hard.rank and now.hard.ase >= before.hard.ase:
-                break
-        progress((i + 1) / len(PATTERN))

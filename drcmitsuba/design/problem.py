@@ -39,6 +39,9 @@ AREA_TOLERANCE = 2e-3
 """Largest tolerated deviation of the panes' area, as a fraction of the required area."""
 MIXED = 0.01
 """Share of a tile by which it counts as one of several materials [–]."""
+FEW = 480
+"""Time stamps by which a search comes near to an optimum."""
+GOLDEN = (5**0.5 - 1) / 2
 EQUAL = 1e-3
 """Objectives within EQUAL are one where areas are compared: in single precision they differ [%]."""
 
@@ -193,6 +196,21 @@ class FacadeProblem(RatedProblem):
     def free(self) -> tuple[Parameter, ...]:
         """Parameters that are not fixed."""
         return tuple(p for p in self.parameters if not p.is_fixed)
+
+    @cached_property
+    def in_few_hours(self) -> FacadeProblem:
+        """Problem of some `FEW` of the hours, near the optimum of all; itself where few are left.
+
+        The hours lie evenly in the year and in the day.
+        """
+        count = len(self.year.months)
+        if self.year.eyes is not None or count < 2 * FEW:
+            return self
+        edges = np.linspace(0, count, FEW + 1)
+        place = (np.arange(FEW) * GOLDEN) % 1
+        hours = (edges[:-1] + place * np.diff(edges)).astype(int)
+        year = self.year.at(hours)
+        return replace(self, year=year, goal=self.goal.at(hours, year.step_hours))
 
     @property
     def size(self) -> int:

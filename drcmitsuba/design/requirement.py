@@ -127,6 +127,13 @@ class Requirement:
         level = self.level.model_copy(update={"limits": tuple(limits.values())})
         return replace(self, level=level)
 
+    def at_hours(self, hours: np.ndarray, rules: Rules) -> Requirement:
+        """Level asked of some time stamps (hour,), by rules of their duration."""
+        at = np.flatnonzero(np.isin(hours, self.at))
+        groups = None if self.groups is None else self.groups.at(hours)
+        coordinates = self.coordinates.isel(time=hours)
+        return replace(self, at=at, coordinates=coordinates, rules=rules, groups=groups)
+
     def hard(self, E: Illuminances) -> tuple[Outcome, np.ndarray]:
         """Outcome of the level by the standard's count, and its margins, shape (margin,)."""
         direct = self.coordinates.assign(E=(("time", "sensor"), E.direct.numpy()))["E"]

@@ -67,6 +67,8 @@ class History(Generic[P, C]):
     problem: P
     steps: list[Step[C]] = field(default_factory=list)
     begin: float = field(default_factory=time.perf_counter)
+    sketches: list[C] = field(default_factory=list)
+    """Candidates of a smaller problem, from which a search starts; none of them is a result."""
 
     def __len__(self) -> int:
         """Count the evaluations."""

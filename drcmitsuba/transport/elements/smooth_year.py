@@ -9,7 +9,7 @@ shade open, and with the shade before what it covers. The shares are those of al
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import drjit as dr
@@ -186,6 +186,41 @@ class SmoothYear:
             sky=mi.TensorXf(sky["sky"].values.astype(np.float32)),
             suns=suns,
         )
+
+    def at(self, hours: np.ndarray) -> SmoothYear:
+        """Year of some time stamps (hour,), with the light of the bins that shine in them."""
+        patches, (_, blocks, sensors) = self.sky.shape[1], self.shape
+        suns = [(bin_.numpy()[hours], L.numpy()[hours]) for bin_, L in self.suns]
+        shine = [bin_[L != 0] for bin_, L in suns]
+        bins = np.unique(np.concatenate([np.arange(patches), *shine]))
+        known: dict[int, mi.Float] = {}  # parts have arrays in common
+
+        def of_bins(rows: Rows, width: int) -> Rows:
+            entries = flat_indices(bins[:, None] * width + np.arange(width))
+            for row in rows:
+                if id(row) not in known:
+                    known[id(row)] = dr.gather(mi.Float, row, entries)
+            dr.eval(known)
+            return tuple(known[id(row)] for row in rows)
+
+        def part(of: _Part) -> _Part:
+            total, light = of_bins(of.total, sensors), of_bins(of.blocks, blocks)
+            return _Part(of.elements, total, light)
+
+        total, D, straight = self.besides
+        step = self.step_hours * len(self.months) / len(hours)
+        return replace(
+            self, months=self.months[hours], step_hours=step, shape=(len(bins), blocks, sensors),
+            besides=(*of_bins((total,), sensors), *of_bins((D,), blocks),
+                     *of_bins((straight,), sensors)),
+            same=part(self.same), opened=part(self.opened), closed=tuple(map(part, self.closed)),
+            straight=(self.straight[0], of_bins(self.straight[1], sensors)),
+            sky=mi.TensorXf(np.ascontiguousarray(self.sky.numpy()[hours])),
+            suns=tuple(
+                (flat_indices(np.where(L != 0, np.searchsorted(bins, bin_), 0)), flat(L))
+                for bin_, L in suns
+            ),
+        )  # fmt: skip
 
     def illuminance(self, shares: mi.Float, factors: mi.Float) -> Illuminances:
         """Illuminance by shares of elements.

@@ -409,7 +409,7 @@ def test_panes_of_two_transmittances_have_no_one_of_now(year, by_tiles):
     assert ChangeProblem(facade, asked, GLASS, {"glass": 3.0}).start[-1] == pytest.approx(0.5)
 
 
-@pytest.mark.parametrize(
+LIMITS = pytest.mark.parametrize(
     ("at_least", "changes"),
     [
         (60.0, {}),
@@ -418,6 +418,26 @@ def test_panes_of_two_transmittances_have_no_one_of_now(year, by_tiles):
         (30.0, {"light": "open", "of": "mean", "fraction": None, "hours": 30.0}),
     ],
 )
+
+
+@LIMITS
+def test_some_hours_that_stand_for_all_have_the_same_margins(year, by_tiles, at_least, changes):
+    """Every other hour of a year whose hours come in pairs."""
+    asked = required(year, "sDA", at_least, **changes)
+    share = np.stack([np.zeros(6), *np.random.default_rng(1).dirichlet([1, 1], 6).T, np.zeros(6)])
+    E = year.illuminance(mi.TensorXf(share.T.astype(np.float32)))
+    pairs = np.arange(year.time) // 2 * 2
+    whole, half = (
+        Illuminances(*(mi.TensorXf(e.numpy()[at]) for e in (E.open, E.shaded, E.direct)))
+        for at in (pairs, pairs[::2])
+    )
+    some = asked.at_hours(pairs[::2], replace(RULES, step_hours=2.0))
+    np.testing.assert_allclose(some.hard(half)[1], asked.hard(whole)[1], rtol=1e-6)
+    smooth = [float(a[0]) for a in asked.smooth(whole, 8.0)]
+    np.testing.assert_allclose([float(a[0]) for a in some.smooth(half, 8.0)], smooth, rtol=0.03)
+
+
+@LIMITS
 def test_smooth_margins_tend_to_the_hard_ones(year, at_least, changes):
     rng = np.random.default_rng(3)
     E = [rng.uniform(0, 900, (year.time, 24)) * f for f in (1.0, 0.4, 2.0)]

@@ -94,6 +94,17 @@ def test_states_are_those_of_the_metrics(scheduled, own):
     assert off.mean() < 0.02
 
 
+@pytest.mark.parametrize("scheduled", [(), (1,)])
+def test_some_hours_are_in_the_states_of_all(scheduled):
+    groups = facade(rule(2, scheduled))
+    E, hours = year(groups), np.arange(1, HOURS, 7)
+    some = E._each(lambda values: tensor(values.numpy()[hours]))
+    own = groups.at(hours)
+    np.testing.assert_array_equal(own.applied(some), groups.applied(E)[hours])
+    smooth = groups.smooth(E, 8.0).numpy()[hours]
+    np.testing.assert_allclose(own.smooth(some, 8.0).numpy(), smooth, rtol=1e-5)
+
+
 def test_one_group_is_the_one_shade():
     groups = facade(ShadeRule(GroupStates.of_shade(), 1000.0, 0.1))
     assert groups.is_plain

@@ -16,6 +16,7 @@ from drcmitsuba.design.facade_year import FacadeYear
 from drcmitsuba.metrics import accumulate
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.flat_arrays import flat_indices
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
 from drcmitsuba.scene.sensors import sensor_points
@@ -164,6 +165,31 @@ def is_coefficients_times_luminances(tiled, light, share):
 def test_a_year_is_coefficients_times_luminances(grid):
     E = is_coefficients_times_luminances(*grid, dirichlet(1, 4, 3))
     assert E.direct.numpy().max() > 1000
+
+
+def test_some_hours_are_those_of_all(grid):
+    """At the same hours the same E and slopes, and hours of the year by the stamps of each."""
+    year = FacadeYear.of(*grid)
+    hours = np.flatnonzero(np.random.default_rng(5).random(len(year.months)) < 0.2)
+    some, share = year.at(hours), dirichlet(3, 4, 3)
+    assert some.channels[0][1].shape[0] < year.channels[0][1].shape[0]
+    np.testing.assert_array_equal(some.months, year.months[hours])
+    assert some.step_hours * len(hours) == pytest.approx(year.step_hours * len(year.months))
+    weights = np.random.default_rng(6).random((3, len(hours), 12)).astype(np.float32)
+    slopes = []
+    for one, at in ((year, hours), (some, np.arange(len(hours)))):
+        x, total = mi.TensorXf(share), mi.Float(0)
+        dr.enable_grad(x)
+        E = one.illuminance(x)
+        for values, w in zip((E.open, E.shaded, E.direct), weights, strict=True):
+            index = flat_indices(at[:, None] * 12 + np.arange(12))
+            total += dr.sum(dr.gather(mi.Float, values.array, index) * mi.Float(w.ravel()))
+        dr.backward(total)
+        slopes.append(dr.grad(x).numpy())
+    np.testing.assert_allclose(*slopes, rtol=1e-4, atol=1e-4 * np.abs(slopes[0]).max())
+    whole, part = year.illuminance(mi.TensorXf(share)), some.illuminance(mi.TensorXf(share))
+    for a, b in zip((*whole.states, whole.direct), (*part.states, part.direct), strict=True):
+        np.testing.assert_allclose(b.numpy(), a.numpy()[hours], rtol=1e-5, atol=1e-2)
 
 
 @pytest.mark.slow

@@ -18,7 +18,7 @@ from drcmitsuba.design.goal import Goal, LeastArea
 from drcmitsuba.design.layout import Layout
 from drcmitsuba.design.optimise import Search, optimise, pareto
 from drcmitsuba.design.parameters import Parameter
-from drcmitsuba.design.problem import FacadeProblem
+from drcmitsuba.design.problem import FEW, FacadeProblem
 from drcmitsuba.design.realise import realise
 from drcmitsuba.design.search import History, Optimum
 from drcmitsuba.metrics.intervals.rules import Rules
@@ -76,10 +76,10 @@ VARIANTS = {"existing": [], "o1": [3, 4, 5], "o2": [0, 1, 2], "o3": [2, 3], "all
 
 @pytest.fixture(scope="module")
 def sweep(year):
-    """Hard numbers of 231 windows, over the film's part and its position."""
+    """Hard numbers of 496 windows, over the film's part and its position."""
     problem = by_window(year)
     ratios = [
-        (dwr, position) for dwr in np.linspace(0, 1, 21) for position in np.linspace(0, 1, 11)
+        (dwr, position) for dwr in np.linspace(0, 1, 31) for position in np.linspace(0, 1, 16)
     ]
     shares = (problem.facade.share(problem.values(mi.Float(np.float32(x)))) for x in ratios)
     return [problem.hard(share.numpy()) for share in shares]
@@ -164,6 +164,56 @@ def test_a_better_point_of_the_front_is_where_the_search_goes_on():
     assert np.diff([step.seconds for step in front.history]).min() >= 0
 
 
+@pytest.fixture(scope="module")
+def long_year():
+    """1,440 time stamps, ten a day, of which a search takes a third."""
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
+    return SyntheticYear(Tiles.grid(3, 3), time=1440, grid=(4, 6))
+
+
+LONG = replace(RULES, metrics=Metrics(sda_threshold=300.0, ase_hours=120.0))
+
+
+def test_few_hours_are_near_all(long_year):
+    problem = by_strips(long_year, Parameter.fixed("window", 1.0))
+    problem = replace(problem, goal=replace(problem.goal, rules=LONG))
+    few = problem.in_few_hours
+    hours = few.year.hours
+    assert len(np.unique(hours)) == len(few.year.months) == FEW
+    assert np.bincount(hours % 10, minlength=10) == pytest.approx(FEW / 10, abs=3)
+    assert np.bincount(few.year.months)[1:] == pytest.approx(FEW / 12, abs=1)
+    assert few.year.step_hours == few.goal.rules.step_hours == 3
+    for x in np.random.default_rng(2).random((6, problem.size)):
+        a, b = (each.evaluate(x, 8.0) for each in (problem, few))
+        # Suns are drawn hour by hour: a third of them scatters by one point and a half.
+        assert b.smooth.value == pytest.approx(a.smooth.value, abs=4)
+        assert b.smooth.ase == pytest.approx(a.smooth.ase, abs=4)
+        assert np.abs(b.gradient - a.gradient).max() < 0.3 * np.abs(a.gradient).max()
+    short = by_strips(SyntheticYear(Tiles.grid(2, 2), time=60, grid=(4, 6)))
+    assert short.in_few_hours is short
+
+
+@pytest.mark.parametrize("by", slowly([by_strips, by_window], by_strips))
+def test_a_search_by_few_hours_ends_where_one_by_all_does(long_year, by):
+    problem = by(long_year, ase_limit=30.0)
+    problem = replace(problem, goal=replace(problem.goal, rules=LONG))
+    search = Search(starts=1, iterations=12)
+    optimum = optimise(problem, search)
+    whole = replace(problem)
+    whole.__dict__["in_few_hours"] = whole  # all hours at every step
+    slow = optimise(whole, search)
+    assert optimum.is_feasible
+    assert slow.is_feasible
+    assert optimum.best.hard.value >= slow.best.hard.value - ONE_SENSOR / 4
+    assert optimum.evaluations < slow.evaluations / 2
+    again = problem.evaluate(optimum.best.x, 32.0)  # all that is kept is by all hours
+    assert again.hard.value == optimum.best.hard.value
+    front = pareto(optimum, [10.0, 60.0], search)
+    within = [max(p.hard.value for p in front.points if p.hard.ase <= at) for at in (10, 30, 60)]
+    assert within == sorted(within)
+    assert within[1] >= optimum.best.hard.value
+
+
 def test_what_is_known_is_never_lost(year):
     problem = by_strips(year, ase_limit=62.5)
     o3 = named(year, o3=VARIANTS["o3"])["o3"]
@@ -208,11 +258,11 @@ def test_a_limit_that_nothing_holds_is_refused(year):
 
 def test_the_same_seed_gives_the_same_history(year):
     search = Search(starts=2, sharpness=(8.0,), iterations=5, seed=5)
-    problem = by_window(year, ase_limit=30.0)
+    problem = by_strips(year, ase_limit=30.0)
     first, second = (optimise(problem, search).history.frame for _ in range(2))
     pd.testing.assert_frame_equal(first.drop(columns="seconds"), second.drop(columns="seconds"))
     other = optimise(problem, replace(search, seed=6)).history.frame
-    assert not other["dwr"].equals(first["dwr"])
+    assert not other["film_0"].equals(first["film_0"])
 
 
 def test_progress_rises_to_one(year):
