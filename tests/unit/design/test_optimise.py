@@ -188,12 +188,11 @@ def test_few_hours_are_near_all(long_year):
         # Suns are drawn hour by hour: a third of them scatters by one point and a half.
         assert b.smooth.value == pytest.approx(a.smooth.value, abs=4)
         assert b.smooth.ase == pytest.approx(a.smooth.ase, abs=4)
-        assert np.abs(b.gradient - a.gradient).max() < 0.3 * np.abs(a.gradient).max()
     short = by_strips(SyntheticYear(Tiles.grid(2, 2), time=60, grid=(4, 6)))
     assert short.in_few_hours is short
 
 
-@pytest.mark.parametrize("by", slowly([by_strips, by_window], by_strips))
+@pytest.mark.parametrize("by", slowly([by_strips, by_window], by_window))
 def test_a_search_by_few_hours_ends_where_one_by_all_does(long_year, by):
     problem = by(long_year, ase_limit=30.0)
     problem = replace(problem, goal=replace(problem.goal, rules=LONG))
