@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -56,6 +57,9 @@ from drcmitsuba.runtime.progress import Progress
 SHARPNESS = (4.0, 8.0, 16.0, 32.0)
 LAST = 5
 """Largest number of steps by all hours, after those by few."""
+EVALUATIONS = 3
+"""Largest number of evaluations for each step: where no façade holds the limits, SLSQP does not end
+by itself."""
 
 FacadeOptimum: TypeAlias = Optimum[FacadeProblem, FacadeCandidate]
 
@@ -185,12 +189,10 @@ def pareto(
     problem, before = optimum.problem, optimum.history
     history = replace(before, steps=list(before.steps))
     last = replace(search, sharpness=search.sharpness[-2:])
-    labels = {f"ASE ≤ {limit:g} %": limit for limit in sorted(limits, reverse=True)}
+    falling = sorted(limits, reverse=True)
     searches: list[LocalSearch] = [
-        partial(from_sketches, label=label, ase_limit=limit)
-        if before.sketches
-        else partial(_continuation, label, None, last, limit)
-        for label, limit in labels.items()
+        partial(_under, limit, higher, last)
+        for limit, higher in zip(falling, [100.0, *falling], strict=False)
     ]
 
     def again(history: FacadeHistory, progress: Progress) -> None:
@@ -204,6 +206,19 @@ def pareto(
     finished = run(history, [*searches, again], progress)
     points = tuple(nondominated(problem, history.candidates))
     return Front(problem, points, history, optimum.finished and finished)
+
+
+def _under(
+    limit: float, higher: float, search: Search, history: FacadeHistory, progress: Progress
+) -> None:
+    """Search under a limit of ASE [%], unless no façade has held even a higher one."""
+    label = f"ASE ≤ {limit:g} %"
+    if best_within(history, higher).hard.ase > higher:
+        return
+    if history.sketches:
+        from_sketches(history, progress, label=label, ase_limit=limit)
+    else:
+        _continuation(label, None, search, limit, history, progress)
 
 
 def _by_hard_numbers(problem: FacadeProblem) -> list[LocalSearch]:
@@ -259,6 +274,10 @@ def _continuation(
         stage(problem, stages[-1][1], x, last)
 
 
+class _SpentError(Exception):
+    """A stage has had its evaluations."""
+
+
 def _stage(
     history: FacadeHistory, label: str, ase_limit: float | None, problem: FacadeProblem,
     iterations: int, x: np.ndarray, sharpness: float,
@@ -268,6 +287,7 @@ def _stage(
     The problem is that of the history, or one of few of its hours, which the history does not keep.
     """
     evaluated: dict[bytes, FacadeCandidate] = {}
+    most = EVALUATIONS * iterations
     begin = history.evaluate(x, label, sharpness)
 
     def at(point: np.ndarray) -> FacadeCandidate:
@@ -275,6 +295,8 @@ def _stage(
         inside = np.clip(np.where(np.isfinite(point), point, x), 0, 1)
         key = inside.tobytes()  # value and gradients are asked for one by one
         if key not in evaluated:
+            if len(evaluated) >= most:
+                raise _SpentError
             if problem is not history.problem:
                 evaluated[key] = problem.evaluate(inside, sharpness)
             elif (inside == begin.x).all():
@@ -307,16 +329,18 @@ def _stage(
         assert gradient is not None
         return -gradient / 100
 
-    with warnings.catch_warnings():
+    points = [begin.x]
+    with warnings.catch_warnings(), suppress(_SpentError):
         # SLSQP warns of points outside the bounds by rounding; `at` clips them.
         warnings.simplefilter("ignore", RuntimeWarning)
-        end = minimize(
+        minimize(
             value,
             x,
             jac=slope,
             method="SLSQP",
             bounds=[(0.0, 1.0)] * len(x),
             constraints=constraints,
+            callback=points.append,
             options={"maxiter": iterations, "ftol": 1e-5},
         )
-    return at(end.x).x
+    return at(points[-1]).x
