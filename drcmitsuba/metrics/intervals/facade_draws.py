@@ -15,7 +15,6 @@ from drcmitsuba.metrics.grids import count_by_grid
 from drcmitsuba.metrics.intervals.rules import DRAWS
 from drcmitsuba.metrics.intervals.sun import BLOCK, SunDraws, unpacked
 
-
 HOURS = 64
 """Number of time stamps whose groups are drawn at once."""
 
