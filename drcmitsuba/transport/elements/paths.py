@@ -272,7 +272,7 @@ class SolvedReturn:
     def weighed(self, shares: np.ndarray) -> np.ndarray:
         """Light of sensors from blocks, see `SentBack`."""
         once = self.bounces @ self.between.weighed(shares)
-        whole = np.linalg.inv(np.eye(len(once), dtype=np.float32) - once)
+        whole = np.linalg.inv(np.eye(len(once)) - once).astype(np.float32)
         return np.asarray((self.onto @ once + self.sensors.weighed(shares)) @ whole)
 
     def add(self, E: np.ndarray, D: np.ndarray, year: Year) -> None:
