@@ -24,7 +24,7 @@ from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.shared_facades import SharedFacades
-from drcmitsuba.sky.daylight import Daylight, daylight_and_year
+from drcmitsuba.sky.daylight import Daylight, daylight, daylight_and_year
 from drcmitsuba.transport import elements as by_element
 
 WITHOUT = (
@@ -80,7 +80,8 @@ class SharedElements:
             Cases of a room of boxes, or of a model.
         stage : callable, optional
         light : Daylight, optional
-            Daylight of the cases; by default computed.
+            Daylight of the cases; by default computed, with the hours beyond the period where the
+            coefficients of a case are written.
 
         Raises
         ------
@@ -95,7 +96,9 @@ class SharedElements:
         accuracy = accuracy_of(first, run)
         with run.timed("sky"):
             remarks = [notes(case) for case in cases]  # reads the films' files, which may be unfit
-            light = daylight_and_year(first) if light is None else light
+            if light is None:  # hours beyond the period need C
+                writes_C = any(case.output.illuminance == "all" for case in cases)
+                light = daylight_and_year(first) if writes_C else daylight(first)
             scope = joined_effects([plan(case, light).scope for case in cases])
         with run.timed("elements") as done:
             channels = light_of_channels(

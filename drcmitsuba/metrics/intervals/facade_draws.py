@@ -15,6 +15,9 @@ from drcmitsuba.metrics.grids import count_by_grid
 from drcmitsuba.metrics.intervals.rules import DRAWS
 from drcmitsuba.metrics.intervals.sun import BLOCK, SunDraws, unpacked
 
+HOURS = 64
+"""Number of time stamps whose groups are drawn at once."""
+
 
 class DrawnStates(NamedTuple):
     """States that a façade takes in some draws, in place of those by the mean of the direct sun."""
@@ -184,13 +187,18 @@ class SunlitSensors:
         certain = (self.sure.sum(axis=-1) >= least) & ((most > 0).sum(axis=-1) < 2)
         return (most.sum(axis=-1) >= least) & ~certain & self.doubtful.any(axis=-1)
 
-    def drawn(self, hour: int) -> np.ndarray:
-        """Draws of a time stamp's numbers, int, shape (draw, grid, group)."""
-        size = self.sure[hour].size
-        here = slice(*np.searchsorted(self.place, [hour * size, (hour + 1) * size]))
-        out = np.repeat(self.sure[hour].reshape(1, -1), DRAWS, axis=0)
-        out[:, self.place[here] - hour * size] += self.closing[here].T
-        return out.reshape(DRAWS, *self.sure.shape[1:])
+    def drawn(self, hours: np.ndarray) -> np.ndarray:
+        """Draws of the numbers of some time stamps, int, shape (hour, draw, grid, group).
+
+        `hours` (hour,) rise.
+        """
+        size = self.sure[0].size
+        hour, number = np.divmod(self.place, size)
+        at = np.minimum(np.searchsorted(hours, hour), len(hours) - 1)
+        asked = hours[at] == hour
+        out = np.repeat(self.sure[hours].reshape(-1, 1, size), DRAWS, axis=1)
+        out[at[asked], :, number[asked]] += self.closing[asked]
+        return out.reshape(-1, DRAWS, *self.sure.shape[1:])
 
 
 def draw_closures(
@@ -228,10 +236,14 @@ def closures_from(
     closed, in_doubt = rule.closed(sunlit.count, sensors), sunlit.in_doubt(rule.required(sensors))
     hours = np.flatnonzero(in_doubt.any(axis=-1))
     drawn = np.empty((len(hours), DRAWS, groups), bool)
-    for i, hour in enumerate(hours.tolist()):
-        asks = in_doubt[hour]
-        drawn[i] = rule.closed(sunlit.drawn(hour)[:, asks], sensors[asks])
-        drawn[i] |= rule.closed(sunlit.count[hour, ~asks], sensors[~asks])
+    alike, which = np.unique(in_doubt[hours], axis=0, return_inverse=True)
+    for k, asks in enumerate(alike):  # hours in which the same grids are in doubt
+        every = np.flatnonzero(which == k)
+        for some in (every[start : start + HOURS] for start in range(0, len(every), HOURS)):
+            here = hours[some]
+            drawn[some] = rule.closed(sunlit.drawn(here)[:, :, asks], sensors[asks])
+            by_mean = rule.closed(sunlit.count[here][:, ~asks], sensors[~asks])
+            drawn[some] |= by_mean[:, None]
     varies = (drawn != closed[hours][:, None]).any(axis=(1, 2))
     hours, drawn = hours[varies], drawn[varies]
     by_mean, by_draw = rule.indices(closed, time), rule.indices(drawn, time[hours])

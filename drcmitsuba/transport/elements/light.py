@@ -20,7 +20,7 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.case.groups import GroupStates
-from drcmitsuba.runtime.pieces import run
+from drcmitsuba.runtime.pieces import pieces, run
 from drcmitsuba.schema import mean_and_error
 from drcmitsuba.transport.coefficient_arrays import with_values, without_values
 from drcmitsuba.transport.elements.paths import SentBack
@@ -102,13 +102,15 @@ class ElementLight:
     def pieces(
         self, sky_bins: int, values: np.ndarray, bins: np.ndarray
     ) -> Iterator[tuple[slice | np.ndarray, np.ndarray]]:
-        """Yield places and values (replicate, bin, receiver) of the sky, and of the suns.
+        """Yield places and values (replicate, bin, receiver) of the sky, and of suns, some by some.
 
         Places are those in `bins`, some of all bins in rising order, the sky's among them.
         """
         yield slice(0, sky_bins), values[:, :sky_bins]
         suns = sky_bins + np.flatnonzero(np.isin(self.bins[sky_bins:], bins[sky_bins:]))
-        yield run(np.searchsorted(bins, self.bins[suns])), values[:, run(suns)]
+        places = np.searchsorted(bins, self.bins[suns])
+        for here in pieces(len(suns), values.shape[2]):
+            yield run(places[here]), values[:, run(suns[here])]
 
     @property
     def nbytes(self) -> int:

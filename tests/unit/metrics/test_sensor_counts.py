@@ -19,6 +19,7 @@ from drcmitsuba.metrics.intervals.facade_draws import (
     draw_closures,
     sunlit_sensors,
 )
+from drcmitsuba.metrics.intervals.rules import DRAWS
 from drcmitsuba.metrics.intervals.sun import SunDraws, draw_sun
 from drcmitsuba.metrics.sensor_counts import CountedYear, sensor_counts
 from drcmitsuba.metrics.space_years import SpaceYears
@@ -81,6 +82,19 @@ def parts_of(sun):
         yield slice(start, stop), SunDraws(*drawn)
 
 
+def draw_closures_hour_by_hour(sunlit, sizes, hours):
+    """Whether the only group closes, (hour, draw), each grid and draw of an hour by itself."""
+    required, closes = RULES.shade.required(sizes), np.zeros((len(hours), DRAWS), bool)
+    for i, hour in enumerate(hours):
+        for grid, least in enumerate(required):
+            sunny = sunlit.sure[hour, grid, 0] + np.zeros(DRAWS, int)
+            for place, closing in zip(sunlit.place, sunlit.closing, strict=True):
+                if place == hour * len(required) + grid:
+                    sunny += closing
+            closes[i] |= sunny >= least
+    return closes
+
+
 def test_blocks_of_sensors_have_the_numbers_of_all_together(year):
     direct = accumulate.direct_sun(year.open, SKY)
     mean, error = direct["direct_sun"].values, direct["direct_sun_se"].values
@@ -101,6 +115,9 @@ def test_blocks_of_sensors_have_the_numbers_of_all_together(year):
     by_block = closures_from(sunlit, sizes, SKY["time"], rule)
     for name in ("state", "closed", "hours", "drawn", "closed_drawn"):
         np.testing.assert_array_equal(getattr(by_block, name), getattr(shut, name), err_msg=name)
+
+    one_by_one = draw_closures_hour_by_hour(sunlit, sizes, shut.hours)
+    np.testing.assert_array_equal(shut.drawn > 0, one_by_one)
 
     E = illuminance(year, shut.state)
     whole = draw_block(year, SKY, E, RULES, sun, shut, grid, 0)
