@@ -20,8 +20,9 @@ import numpy as np
 
 from drcmitsuba.design.change import SAME_VALUE
 from drcmitsuba.design.parameters import Factor, Values
-from drcmitsuba.design.problem import FacadeProblem, gradients
+from drcmitsuba.design.problem import FacadeProblem
 from drcmitsuba.design.requirement import Requirement
+from drcmitsuba.design.slopes import gradients
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.standards.verdict import Outcome

@@ -19,10 +19,10 @@ the hard numbers of `metrics`, and only these are reported.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -32,6 +32,7 @@ from drcmitsuba.design.facade_year import FacadeYear
 from drcmitsuba.design.goal import Goal
 from drcmitsuba.design.measure import Measure, RatedCandidate, RatedProblem, Score
 from drcmitsuba.design.parameters import Factor, Map, Parameter, Values
+from drcmitsuba.design.slopes import Graph, LaterSlopes
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.transport.elements.state_illuminances import Illuminances
 
@@ -70,40 +71,6 @@ class FacadeScore(Score):
         if self.margin is None:
             return super().rank
         return min(self.margin, 0.0), EQUAL * round(self.value / EQUAL), self.margin
-
-
-class Graph(NamedTuple):
-    """Input x (free,) with its gradients, and numbers that reverse passes follow back to it."""
-
-    x: mi.Float
-    outputs: dict[str, mi.Float]
-
-
-class LaterSlopes:
-    """Gradients of one design, shape (free,) each, by the names of the numbers.
-
-    Parameters
-    ----------
-    graph : Graph
-        It is held until the gradients are asked for or `let_go` is called, since it takes memory.
-    again : callable
-        Function that makes the graph anew.
-    """
-
-    def __init__(self, graph: Graph, again: Callable[[], Graph]) -> None:
-        self._graph: Graph | None = graph
-        self._again = again
-
-    @cached_property
-    def of(self) -> dict[str, np.ndarray]:
-        """Gradients by name."""
-        x, outputs = self._again() if self._graph is None else self._graph
-        self.let_go()
-        return dict(zip(outputs, gradients(x, [*outputs.values()]), strict=True))
-
-    def let_go(self) -> None:
-        """Give back the memory of the graph."""
-        self._graph = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -395,15 +362,3 @@ class FacadeProblem(RatedProblem):
         column = dr.arange(mi.UInt32, tiles) * materials + self.year.materials.index(material)
         area = mi.Float(self.year.tiles.area.astype(np.float32))
         return dr.sum(dr.gather(mi.Float, share.array, column) * area)
-
-
-def gradients(x: mi.Float, outputs: Sequence[mi.Float]) -> list[np.ndarray]:
-    """Gradients (free,) of several outputs by reverse passes over one graph."""
-    of_each = []
-    for i, y in enumerate(outputs):
-        last = i + 1 == len(outputs)
-        if dr.grad_enabled(y):
-            dr.backward(y, flags=dr.ADFlag.Default if last else dr.ADFlag.ClearInterior)
-        of_each.append(dr.grad(x).numpy().astype(float))
-        dr.set_grad(x, 0)
-    return of_each

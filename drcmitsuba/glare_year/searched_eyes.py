@@ -47,7 +47,8 @@ from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.schema import channel_weights
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.luminances import bright_hours
-from drcmitsuba.transport.elements.smooth_year import Rows, SmoothYear, mixed
+from drcmitsuba.transport.elements.mixed_rows import Rows, mixed
+from drcmitsuba.transport.elements.smooth_year import SmoothYear
 from drcmitsuba.transport.elements.state_illuminances import weighed
 from drcmitsuba.transport.elements.weights import BESIDES
 

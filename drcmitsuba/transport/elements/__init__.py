@@ -18,9 +18,9 @@ illuminance
     A year of known shares, of which no coefficients are kept.
 known_year
     Illuminances of a year by element, of which any façade is summed in milliseconds.
-state_illuminances, smooth_year
-    E of a period in every state of a façade; the smooth twin of a year of known light, whose
-    derivatives by the shares are exact.
+state_illuminances, mixed_rows, smooth_year
+    E of a period in every state of a façade; weighted sums of arrays; the smooth twin of a year of
+    known light, whose derivatives by the shares are exact.
 """
 
 from drcmitsuba.transport.elements.illuminance import illuminance

@@ -1,0 +1,55 @@
+"""Weighted sums of many arrays, with gradients by the weights."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.runtime.threads import one_blas_thread
+
+Rows = tuple[Any, ...]
+"""Arrays (mi.Float) of equal length, one for each element."""
+AT_ONCE = 64
+"""Number of arrays that one kernel reads."""
+
+
+def mixed(arrays: Rows, weights: mi.Float) -> mi.Float:
+    """Compute Σ weight · array in one pass over the arrays; gradients flow to the weights."""
+    return dr.custom(_Mixed, lambda: arrays, weights)
+
+
+class _Mixed(dr.CustomOp):
+    """Weighted sum of arrays, whose derivative by a weight is a product of two arrays.
+
+    A matrix product, or a loop over one long array, takes six times as long (Dr.Jit 1.5, LLVM), and
+    sums of the products by Dr.Jit four times as long as those by BLAS.
+    """
+
+    def eval(self, arrays: Callable[[], Rows], weights: mi.Float) -> mi.Float:
+        """Sum the arrays, which a function gives: nothing flows to them."""
+        self.arrays, total = arrays(), mi.Float(0)
+        for start in range(0, len(self.arrays), AT_ONCE):
+            for i, array in enumerate(self.arrays[start : start + AT_ONCE], start):
+                total += dr.gather(mi.Float, weights, i) * array
+            dr.eval(total)
+        return total
+
+    def forward(self) -> None:
+        """Sum by the weights' derivatives."""
+        self.set_grad_out(mixed(self.arrays, self.grad_in("weights")))
+
+    def backward(self) -> None:
+        """Multiply the derivative by every array."""
+        slope = self.grad_out()
+        if mi.variant().startswith("llvm"):
+            with one_blas_thread():
+                own = slope.numpy()
+                of_weights = flat(np.array([array.numpy() @ own for array in self.arrays]))
+        else:
+            of_weights = dr.concat([dr.sum(slope * array) for array in self.arrays])
+        self.set_grad_in("weights", of_weights)
