@@ -42,6 +42,9 @@ class TracedEyes(Protocol):
     def counted(self) -> np.ndarray:
         """Time stamps that count, bool, shape (time,)."""
 
+    def at(self, hours: np.ndarray) -> TracedEyes:
+        """Eyes at some time stamps (hour,)."""
+
     def dgp(
         self, shares: mi.Float, factors: mi.Float, sharpness: float | None
     ) -> tuple[mi.TensorXf, ...]:

@@ -70,10 +70,11 @@ class FacadeYear:
         return self.channels[0][1].step_hours
 
     def at(self, hours: np.ndarray) -> FacadeYear:
-        """Year of some time stamps (hour,), each of which stands for several; without eyes."""
+        """Year of some time stamps (hour,), each of which stands for several."""
         groups = None if self.groups is None else self.groups.at(hours)
+        eyes = None if self.eyes is None else self.eyes.at(hours)
         channels = tuple((weight, year.at(hours)) for weight, year in self.channels)
-        return replace(self, channels=channels, groups=groups, daylight=None, eyes=None)
+        return replace(self, channels=channels, groups=groups, daylight=None, eyes=eyes)
 
     def illuminance(
         self, share: mi.TensorXf, scale: Mapping[str, mi.Float] | None = None

@@ -87,6 +87,8 @@ class SearchedEyes:
     (time, view) [cd²/m⁴ sr]."""
     surfaces: tuple[_Surfaces, ...]
     """Surfaces of every place."""
+    counted: np.ndarray
+    """Whether each time stamp has daylight, bool, shape (time,)."""
 
     @classmethod
     def of(
@@ -114,17 +116,27 @@ class SearchedEyes:
         return cls(
             tracing, looking, tuple(zip(weights, years, strict=True)),
             (numbers, tuple(flat(S) for S in sums.values())), tuple(surfaces),
+            bright_hours(light.sky),
         )  # fmt: skip
+
+    def at(self, hours: np.ndarray) -> SearchedEyes:
+        """Eyes at some time stamps (hour,), as for `SmoothYear.at`."""
+        views, place = len(self.looking), np.full(len(self.counted), -1)
+        place[hours] = np.arange(len(hours))
+        entries = flat_indices(hours[:, None] * views + np.arange(views))
+        numbers, sums = self.sources
+        return replace(
+            self,
+            channels=tuple((weight, year.at(hours)) for weight, year in self.channels),
+            sources=(numbers, tuple(dr.gather(mi.Float, S, entries) for S in sums)),
+            surfaces=tuple(_at(each, place, views) for each in self.surfaces),
+            counted=self.counted[hours],
+        )
 
     @property
     def limit(self) -> float:
         """DGP above which an hour is one of glare."""
         return LIMIT
-
-    @property
-    def counted(self) -> np.ndarray:
-        """Whether each time stamp has daylight, bool, shape (time,)."""
-        return bright_hours(self.tracing.light.sky)
 
     def dgp(
         self, shares: mi.Float, factors: mi.Float, sharpness: float | None
@@ -245,6 +257,19 @@ def _few(tracing: ElementTracing) -> ElementTracing:
 
 def _taken(values: mi.Float, index: np.ndarray) -> mi.Float:
     return dr.gather(mi.Float, values, flat_indices(index))
+
+
+def _at(surfaces: _Surfaces, place: np.ndarray, views: int) -> _Surfaces:
+    """Surfaces at some time stamps, which have a place among them, −1 for none (time,)."""
+    there = place[surfaces.at.numpy() // views]
+    some = np.flatnonzero(there >= 0)
+    entries = flat_indices(some)
+    return surfaces._replace(
+        rows=tuple(dr.gather(mi.Float, row, entries) for row in surfaces.rows),
+        seen=dr.gather(mi.UInt32, surfaces.seen, entries),
+        at=flat_indices(there[some] * views),
+        views=tuple((view, dr.gather(mi.Float, of, entries)) for view, of in surfaces.views),
+    )
 
 
 def _surfaces(place: SeenPlace, views: int, count: int) -> _Surfaces:

@@ -121,6 +121,20 @@ def test_gradients_of_the_hours_of_glare_are_those_of_differences(searched):
         assert gradient[i] == pytest.approx(slope, rel=1e-3)
 
 
+def test_some_hours_are_as_bright_as_among_all(searched):
+    _, problem = searched
+    eyes, hours = problem.year.eyes, np.array([1, 2, 5, 6, 10])
+    some = eyes.at(hours)
+    assert any(len(np.unique(each.at.numpy())) > len(hours) for each in eyes.surfaces)
+    np.testing.assert_array_equal(some.counted, eyes.counted[hours])
+    values = problem.values(mi.Float([0.3, 0.8, 0.6]))
+    weights = problem.year.weights(problem.facade.share(values), problem.scale(values))
+    for sharpness in (None, SHARPNESS):
+        whole, part = (each.dgp(*weights, sharpness) for each in (eyes, some))
+        for a, b in zip(whole, part, strict=True):
+            np.testing.assert_allclose(b.numpy(), a.numpy()[hours], rtol=1e-4)
+
+
 def test_smooth_hours_tend_to_the_counted_ones(searched):
     _, problem = searched
     candidates = [problem.evaluate(np.array([0.4, 0.4, 0.5]), k) for k in (8.0, 2000.0)]
