@@ -10,7 +10,7 @@ another one that stay as they are count, too; a search by gradients lets them co
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -134,6 +134,15 @@ class ChangeProblem:
     def size(self) -> int:
         """Number of free values."""
         return self.facade.size
+
+    @cached_property
+    def in_few_hours(self) -> ChangeProblem:
+        """Problem of `FacadeProblem.few_hours`; itself where there are none."""
+        facade, hours = self.facade.in_few_hours, self.facade.few_hours
+        if hours is None:
+            return self
+        rules = replace(self.requirement.rules, step_hours=facade.year.step_hours)
+        return replace(self, facade=facade, requirement=self.requirement.at_hours(hours, rules))
 
     @cached_property
     def values_now(self) -> Mapping[str, np.ndarray]:

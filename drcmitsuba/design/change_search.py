@@ -21,7 +21,9 @@ from scipy.optimize import minimize
 
 from drcmitsuba.design.change_problem import ChangeCandidate, ChangeProblem, Slopes
 from drcmitsuba.design.constraints import area_constraints
-from drcmitsuba.design.optimise import FEW, Search
+from drcmitsuba.design.gradient_search import LAST
+from drcmitsuba.design.hard_search import FEW
+from drcmitsuba.design.optimise import Search
 from drcmitsuba.design.search import History, LocalSearch, Optimum
 from drcmitsuba.runtime.progress import Progress
 
@@ -160,29 +162,38 @@ def _descend(
     """Minimise the changed area by SLSQP, the level as constraint, in stages of rising sharpness.
 
     The start, shape (free,), is by default the best façade so far. Where no façade holds, the
-    least margin is maximised first.
+    least margin is maximised first. Where there is a problem of few hours, the stages are of it,
+    and the last steps of all.
     """
-    stages = search.sharpness[-2:]
+    few, last = history.problem.in_few_hours, search.sharpness[-1]
+    stages = [(few, k, search.iterations) for k in search.sharpness[-2:]]
+    if few is not history.problem:
+        stages.append((history.problem, last, min(LAST, search.iterations)))
     x = history.best().x if start is None else start
-    for i, sharpness in enumerate(stages):
-        stage = _Stage(history, x, sharpness, search.iterations)
+    for i, stage in enumerate(stages):
+        begin = _Stage(history, x, *stage)
         if not history.problem.holds(history.best()):
-            x = stage.raise_least_margin()
-            stage = _Stage(history, x, sharpness, search.iterations)
-        x = stage.lower_change()
+            x = begin.raise_least_margin()
+            begin = _Stage(history, x, *stage)
+        x = begin.lower_change()
         progress((i + 1) / len(stages))
 
 
 class _Stage:
-    """Smooth problems at one sharpness, from x (free,); hard − smooth margins at x shift these."""
+    """Smooth problems at one sharpness, from x (free,); hard − smooth margins at x shift these.
+
+    The problem is that of the history, or one of few of its hours, which the history does not keep.
+    """
 
     def __init__(
-        self, history: ChangeHistory, x: np.ndarray, sharpness: float, iterations: int
-    ) -> None:
+        self, history: ChangeHistory, x: np.ndarray, problem: ChangeProblem, sharpness: float,
+        iterations: int,
+    ) -> None:  # fmt: skip
         self._history, self._x, self._sharpness = history, x, sharpness
-        self._iterations = iterations
+        self._problem, self._iterations = problem, iterations
         self._evaluated: dict[bytes, ChangeCandidate] = {}
-        self._shift = self._at(x).margins - self._slopes(x).margins
+        by_all = self._at(x) if problem is history.problem else history.evaluate(x, "gradient")
+        self._shift = by_all.margins - self._slopes(x).margins
 
     def lower_change(self) -> np.ndarray:
         """Least changed area with margins of 0 or more: the last point, shape (free,)."""
@@ -226,7 +237,10 @@ class _Stage:
         inside = np.clip(np.where(np.isfinite(x), x, self._x), 0, 1)
         key = inside.tobytes()  # value and gradients are asked for one by one
         if key not in self._evaluated:
-            self._evaluated[key] = self._history.evaluate(inside, "gradient", self._sharpness)
+            if self._problem is self._history.problem:
+                self._evaluated[key] = self._history.evaluate(inside, "gradient", self._sharpness)
+            else:
+                self._evaluated[key] = self._problem.evaluate(inside, self._sharpness)
         return self._evaluated[key]
 
     def _minimise(self, value: Of, gradient: Of, constraints: list[dict[str, Any]]) -> np.ndarray:

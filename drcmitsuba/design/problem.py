@@ -165,19 +165,21 @@ class FacadeProblem(RatedProblem):
         return tuple(p for p in self.parameters if not p.is_fixed)
 
     @cached_property
-    def in_few_hours(self) -> FacadeProblem:
-        """Problem of some `FEW` of the hours, near the optimum of all; itself where few are left.
-
-        The hours lie evenly in the year and in the day.
-        """
+    def few_hours(self) -> np.ndarray | None:
+        """`FEW` time stamps that lie evenly in the year and in the day; None where few are left."""
         count = len(self.year.months)
         if count < 2 * FEW:
+            return None
+        edges, place = np.linspace(0, count, FEW + 1), (np.arange(FEW) * GOLDEN) % 1
+        return (edges[:-1] + place * np.diff(edges)).astype(int)
+
+    @cached_property
+    def in_few_hours(self) -> FacadeProblem:
+        """Problem of `few_hours`, near the optimum of all; itself where there are none."""
+        if self.few_hours is None:
             return self
-        edges = np.linspace(0, count, FEW + 1)
-        place = (np.arange(FEW) * GOLDEN) % 1
-        hours = (edges[:-1] + place * np.diff(edges)).astype(int)
-        year = self.year.at(hours)
-        return replace(self, year=year, goal=self.goal.at(hours, year.step_hours))
+        year = self.year.at(self.few_hours)
+        return replace(self, year=year, goal=self.goal.at(self.few_hours, year.step_hours))
 
     @property
     def size(self) -> int:

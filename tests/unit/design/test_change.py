@@ -350,6 +350,27 @@ def test_single_tiles_change_no_more_than_the_best_of_all_whole_tiles(year, by_t
     assert 0 < optimum.best.changed <= min(passing) * year.tiles.area[0] + 1e-3
 
 
+def test_few_hours_lead_to_a_change_that_all_hours_lead_to():
+    """Six tiles, in a year of 1,440 time stamps."""
+    year = SyntheticYear(Tiles.grid(6, 1), time=1440, grid=(4, 6))
+    panes = Panes(year.tiles, year.materials, "glass", "film")
+    facade = Strips(panes, Parameter.fixed("window", 1.0), Parameter("film", 0.0, 1.0, 0.5, 6))
+    by_tiles = FacadeProblem(year, facade, Goal(RULES, "film"))
+    none, every = (sda(by_tiles, np.full(6, part)) for part in (0.0, 1.0))
+    problem = ChangeProblem(by_tiles, required(year, "sDA", (none + every) / 2), GLASS)
+    few = problem.in_few_hours
+    assert few is not problem
+    assert few.requirement.rules.step_hours == 3
+    assert len(few.requirement.at) == few.requirement.coordinates.sizes["time"] == 480
+    whole = replace(problem)
+    whole.__dict__["in_few_hours"] = whole
+    optimum, slow = (least_change(each, Search(iterations=8)) for each in (problem, whole))
+    assert optimum.is_feasible
+    assert problem.evaluate(optimum.best.x).outcome.reached
+    assert optimum.best.changed <= slow.best.changed + 0.05 * year.tiles.area.sum()
+    assert optimum.evaluations < slow.evaluations
+
+
 @pytest.mark.slow
 def test_a_film_in_a_window_is_no_larger_than_in_a_sweep(year, by_tiles):
     panes = by_tiles.facade.panes
