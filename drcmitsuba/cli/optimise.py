@@ -48,9 +48,8 @@ def optimise(
 def _facade(case: Case, output: Path, stage: Stage) -> None:
     """Search the best façade, and the best façades under other limits of ASE."""
     from drcmitsuba.design import pictures
-    from drcmitsuba.design.layout import Layout
+    from drcmitsuba.design.any_layout import layout_of
     from drcmitsuba.design.measure import NAMES
-    from drcmitsuba.design.model_layout import ModelLayout
     from drcmitsuba.design.optimise import optimise as search
     from drcmitsuba.design.optimise import pareto
     from drcmitsuba.glare_year import EyesOfSearch
@@ -58,7 +57,7 @@ def _facade(case: Case, output: Path, stage: Stage) -> None:
     from drcmitsuba.runtime import backend, storage
 
     backend.select()
-    layout = Layout.of(case) if case.model is None else ModelLayout.of(case)
+    layout = layout_of(case)
     problem = layout.problem(layout.year(stage, EyesOfSearch.of))
     with stage("search") as done:
         optimum = search(problem, layout.search, done, layout.known(problem))

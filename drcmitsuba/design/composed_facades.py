@@ -17,11 +17,10 @@ from drcmitsuba.annual.summed_year import luminances_of, replicates_of
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, State
 from drcmitsuba.case.sun import Adaptive, TrueSun
+from drcmitsuba.design.any_layout import AnyLayout, layout_of
 from drcmitsuba.design.facade_tiles import FacadeParts, TiledLight
 from drcmitsuba.design.facade_year import FacadeYear
 from drcmitsuba.design.free_transmittances import GLAZING
-from drcmitsuba.design.layout import Layout
-from drcmitsuba.design.model_layout import ModelLayout
 from drcmitsuba.design.problem import FacadeProblem
 from drcmitsuba.metrics.evaluate_metrics import drawing
 from drcmitsuba.metrics.illuminance import illuminance
@@ -40,7 +39,7 @@ class Facades:
 
     Parameters
     ----------
-    layout : Layout or ModelLayout
+    layout : AnyLayout
         Contents of `[design]`.
     tiled : TiledLight
         Light by tile with all replicates.
@@ -48,7 +47,7 @@ class Facades:
         Daylight of the case's period.
     """
 
-    layout: Layout | ModelLayout
+    layout: AnyLayout
     tiled: TiledLight
     light: Daylight
 
@@ -69,8 +68,7 @@ class Facades:
         if isinstance(case.sun, Adaptive):  # its mesh would follow one composition
             case = case.with_tables(sun=TrueSun())
         backend.select()
-        kind = Layout if case.model is None else ModelLayout
-        layout = kind.of(_without_goal(case))
+        layout = layout_of(_without_goal(case))
         return cls(layout, *layout.light_as_drawn(stage))
 
     @cached_property

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import drcmitsuba
-from drcmitsuba.design.layout import Layout
-from drcmitsuba.design.model_layout import ModelLayout
+from drcmitsuba.design.any_layout import layout_of
 from drcmitsuba.design.optimise import optimise
 from drcmitsuba.runtime import backend
 from tests.differences import slopes
@@ -52,7 +51,7 @@ def write(folder, name, least=None, pareto=0):
 def test_the_least_film_is_that_of_a_sweep(tmp_path, name):
     """With the same light; the gradient of the constraint is that of differences."""
     case = drcmitsuba.load_case(write(tmp_path, name))
-    layout = (Layout if case.model is None else ModelLayout).of(case)
+    layout = layout_of(case)
     problem = layout.problem(layout.year())
     assert (problem.size, problem.goal.least.of) == (1, "film")
     films = np.arange(0, 1 + STEP / 2, STEP)
