@@ -69,9 +69,8 @@ def _facade(case: Case, output: Path, stage: Stage) -> None:
         limits = [most * i / max(count - 1, 1) for i in range(count)]
         with stage("Pareto front") as done:
             front = pareto(optimum, limits, layout.search, done)
-        if front.optimum.best is not optimum.best:
-            optimum = front.optimum
-            _save_numbers(optimum, output)
+        optimum = front.optimum
+        _save_numbers(optimum, output)
         front.save(output / "pareto.csv")
     tables = layout.tables(optimum.best.share)
     for name, table in tables.items():
@@ -93,9 +92,12 @@ def _facade(case: Case, output: Path, stage: Stage) -> None:
             print(line)
     if fresh is not None and layout.design.asks_glare:
         print(_glare(layout.glare_afresh(optimum, stage), hard.glare, layout.design.glare_limit))
-    print(f"{optimum.evaluations} evaluations with gradients in {optimum.seconds:.1f} s")
+    print(f"{optimum.evaluations} façades by all hours in {optimum.seconds:.1f} s")
     for name in tables:
-        print(f'{name}: to draw the new windows into the model, give windows = "{name}" in [model]')
+        print(
+            f"{name}: to draw the new windows into the model, lay it beside the case, and give "
+            f'windows = "{name}" in [model]'
+        )
     if front is not None:
         print(f"{len(front.points)} façades on the Pareto front (pareto.csv)")
 
@@ -182,19 +184,22 @@ def _compared(
     from drcmitsuba.standards.verdict import likelihood
 
     goal, best = optimum.problem.goal, optimum.best
+    held, holds = best.hard.aim >= 0, True
     if goal.requirement is not None:
         judged = verdict(standard, Evidence.of_result(fresh))
         level = next(x for x in judged.levels if x.name == goal.requirement.level.name)
-        reached, wanted = level.reached, 0.0
-        how = "reached" if reached else "not reached"
+        holds = level.reached
+        how = "reached" if holds else "not reached"
         title = goal.requirement.title
         yield f"{title}: {how} afresh, probability {likelihood(level.probability)}"
     elif goal.least is not None:
-        wanted = goal.least.aim
-        reached = fresh.metrics["sDA"]["value"] >= wanted
-    else:
-        return
-    if cuts_tiles and best.mixed and reached != (best.hard.aim >= wanted):
+        held = best.hard.aim >= goal.least.aim
+        holds = fresh.metrics["sDA"]["value"] >= goal.least.aim
+    otherwise, limit = holds != held, goal.ase_limit
+    if limit is not None and best.hard.ase <= limit < (ase := fresh.metrics["ASE"]["value"]):
+        yield f"ASE is {ase:.1f} % afresh, above its limit of {limit:g} %"
+        otherwise = True
+    if cuts_tiles and best.mixed and otherwise:
         tiles = "1 tile was" if best.mixed == 1 else f"{best.mixed} tiles were"
         yield (
             f"the search finds otherwise: it mixes materials within a tile, and {tiles} cut in "

@@ -1,7 +1,7 @@
 """Constraints of SLSQP on a façade's smooth twins: area of the panes, ASE, glare, a least aim.
 
-Smooth and hard numbers differ, so the limits of ASE, of glare and of the aim are shifted by hard −
-smooth at the start of a stage.
+Smooth and hard numbers differ. Each limit is therefore shifted by that difference at the start of
+a stage: by the hard number less the smooth one, which may be negative.
 """
 
 from __future__ import annotations

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -29,6 +28,8 @@ LAST = 5
 EVALUATIONS = 3
 """Largest number of evaluations for each step: where no façade holds the limits, SLSQP does not end
 by itself."""
+LACK = 1e-4
+"""Sum of what constraints lack that counts as nothing [–]."""
 
 
 def continuation(
@@ -114,18 +115,28 @@ def _stage(
         assert gradient is not None
         return -gradient / 100
 
-    points = [begin.x]
-    with warnings.catch_warnings(), suppress(_SpentError):
+    def short(point: np.ndarray) -> tuple[bool, float]:
+        """Whether a point lacks what a constraint asks for; then by how much, else its value."""
+        lacks = [
+            abs(c["fun"](point)) if c["type"] == "eq" else max(0.0, -c["fun"](point))
+            for c in constraints
+        ]
+        lack = float(np.sum(lacks))
+        return (True, lack) if lack > LACK else (False, value(point))
+
+    with warnings.catch_warnings():
         # SLSQP warns of points outside the bounds by rounding; `at` clips them.
         warnings.simplefilter("ignore", RuntimeWarning)
-        minimize(
-            value,
-            x,
-            jac=slope,
-            method="SLSQP",
-            bounds=[(0.0, 1.0)] * len(x),
-            constraints=constraints,
-            callback=points.append,
-            options={"maxiter": iterations, "ftol": 1e-5},
-        )
-    return at(points[-1]).x
+        try:
+            end = minimize(
+                value,
+                x,
+                jac=slope,
+                method="SLSQP",
+                bounds=[(0.0, 1.0)] * len(x),
+                constraints=constraints,
+                options={"maxiter": iterations, "ftol": 1e-5},
+            )
+            return at(end.x).x
+        except _SpentError:  # its last point may be one that a line search has tried in vain
+            return min((c.x for c in evaluated.values()), key=short)

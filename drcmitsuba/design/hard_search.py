@@ -21,7 +21,9 @@ from drcmitsuba.runtime.progress import Progress
 LEVELS = {1: 101, 2: 15}
 """Levels of every free value in a sweep, by their number."""
 SKETCHES = 3
-"""Number of designs of a sweep that are evaluated by all hours."""
+"""Number of designs of a sweep that are evaluated by all hours under a limit."""
+APART = 0.1
+"""Distance of these, as a fraction of the range between the bounds."""
 FEW = 6
 """Largest number of free values for which a pattern search follows the gradient search."""
 PATTERN = (0.05, 0.02, 0.01)
@@ -45,8 +47,11 @@ def scan(
 
 
 def sweep(sharpness: float, history: FacadeHistory, progress: Progress) -> None:
-    """Evaluate the start, and sketch designs at all levels of the free values, by few hours."""
-    problem = history.problem
+    """Sketch designs at all levels of the free values, by few hours.
+
+    The start is evaluated by all hours, and so is each sketch that is better than those before.
+    """
+    problem, best = history.problem, None
     few, levels = problem.in_few_hours, LEVELS[problem.size]
     history.evaluate(problem.start, "start", sharpness)
     for i, level in enumerate(product(np.linspace(0, 1, levels), repeat=problem.size)):
@@ -54,18 +59,28 @@ def sweep(sharpness: float, history: FacadeHistory, progress: Progress) -> None:
         by_all = few is problem
         sketch = history.evaluate(x, "sweep", sharpness) if by_all else few.evaluate(x, sharpness)
         history.sketches.append(sketch)
+        if best is None or problem.merit(sketch) > problem.merit(best):
+            best = sketch
+            if not by_all:
+                history.evaluate(x, "sweep", sharpness)
         progress((i + 1) / levels**problem.size)
 
 
 def from_sketches(
     history: FacadeHistory, progress: Progress, *, label: str, ase_limit: float | None
 ) -> None:
-    """Evaluate the best sketches under a limit of ASE [%], and search by a pattern from there."""
+    """Evaluate the best sketches under a limit of ASE [%], and search by a pattern from there.
+
+    They lie apart: of neighbours, all may pass the limit by all hours.
+    """
     key = partial(_merit, history.problem, ase_limit)
     known = {candidate.x.tobytes() for candidate in history.candidates}
-    for sketch in sorted(history.sketches, key=key)[-SKETCHES:]:
-        if sketch.x.tobytes() not in known:
-            history.evaluate(sketch.x, label, sketch.sharpness)
+    taken: list[np.ndarray] = []
+    for sketch in sorted(history.sketches, key=key, reverse=True):
+        if len(taken) < SKETCHES and all(np.abs(sketch.x - x).max() > APART for x in taken):
+            taken.append(sketch.x)
+            if sketch.x.tobytes() not in known:
+                history.evaluate(sketch.x, label, sketch.sharpness)
     pattern_search(history, progress, label=label, ase_limit=ase_limit)
 
 

@@ -32,7 +32,8 @@ from drcmitsuba.design.hard_search import (
     sweep,
     sweeps,
 )
-from drcmitsuba.design.problem import FacadeCandidate, FacadeProblem
+from drcmitsuba.design.measure import ASE_TOLERANCE
+from drcmitsuba.design.problem import EQUAL, FacadeCandidate, FacadeProblem
 from drcmitsuba.design.search import History, LocalSearch, Optimum, row, run
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
@@ -88,7 +89,8 @@ class Front:
 
     def save(self, file: Path) -> None:
         """Write the points as CSV, whole or not at all."""
-        table = pd.DataFrame([row(self.problem, point) for point in self.points])
+        columns = [*row(self.problem, self.history.best())]
+        table = pd.DataFrame([row(self.problem, point) for point in self.points], columns=columns)
         storage.save_csv(table, file)
 
 
@@ -193,9 +195,9 @@ def _under(
     limit: float, higher: float, sharpness: Sequence[float], iterations: int,
     history: FacadeHistory, progress: Progress,
 ) -> None:  # fmt: skip
-    """Search under a limit of ASE [%], unless no façade has held even a higher one."""
+    """Search under a limit of ASE [%], unless every façade so far is above a higher one."""
     label = f"ASE ≤ {limit:g} %"
-    if best_within(history, higher).hard.ase > higher:
+    if best_within(history, higher).hard.ase > higher + ASE_TOLERANCE:
         return
     if history.sketches:
         from_sketches(history, progress, label=label, ase_limit=limit)
@@ -224,6 +226,6 @@ def nondominated(
     kept.sort(key=lambda c: (c.hard.ase, -c.hard.value, -c.sharpness))
     front: list[FacadeCandidate] = []
     for candidate in kept:
-        if not front or candidate.hard.value > front[-1].hard.value:
+        if not front or candidate.hard.value > front[-1].hard.value + EQUAL:
             front.append(candidate)
     return front

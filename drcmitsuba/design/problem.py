@@ -40,9 +40,8 @@ AREA_TOLERANCE = 2e-3
 """Largest tolerated deviation of the panes' area, as a fraction of the required area."""
 MIXED = 0.01
 """Share of a tile by which it counts as one of several materials [–]."""
-FEW = 480
-"""Time stamps by which a search comes near to an optimum."""
-GOLDEN = (5**0.5 - 1) / 2
+HOURS = 480
+"""Number of time stamps by which a search comes near to an optimum."""
 EQUAL = 1e-3
 """Objectives within EQUAL are one where areas are compared: in single precision they differ [%]."""
 
@@ -166,12 +165,15 @@ class FacadeProblem(RatedProblem):
 
     @cached_property
     def few_hours(self) -> np.ndarray | None:
-        """`FEW` time stamps that lie evenly in the year and in the day; None where few are left."""
+        """`HOURS` time stamps, one of each part of the period; None where few are left.
+
+        In equal steps they would fall on some hours of the day more often than on others.
+        """
         count = len(self.year.months)
-        if count < 2 * FEW:
+        if count < 2 * HOURS:
             return None
-        edges, place = np.linspace(0, count, FEW + 1), (np.arange(FEW) * GOLDEN) % 1
-        return (edges[:-1] + place * np.diff(edges)).astype(int)
+        edges = np.linspace(0, count, HOURS + 1).astype(int)
+        return np.random.default_rng(0).integers(edges[:-1], edges[1:])
 
     @cached_property
     def in_few_hours(self) -> FacadeProblem:

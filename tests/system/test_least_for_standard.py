@@ -134,17 +134,22 @@ def test_the_optimum_is_no_worse_than_its_own_front(run, tmp_path):
     assert "preferred: reached afresh" in out  # its strip lies in the middle of its tile
 
 
+def fresh_with(**values):
+    return SimpleNamespace(metrics={name: {"value": value} for name, value in values.items()})
+
+
 def test_a_least_area_that_fails_afresh_names_the_tiles_that_were_cut():
-    goal = SimpleNamespace(requirement=None, least=SimpleNamespace(aim=75.0))
+    goal = SimpleNamespace(requirement=None, least=SimpleNamespace(aim=75.0), ase_limit=10.0)
     problem = SimpleNamespace(goal=goal)
-    best = SimpleNamespace(mixed=1, hard=SimpleNamespace(aim=75.4))
+    best = SimpleNamespace(mixed=1, hard=SimpleNamespace(aim=75.4, ase=9.0))
     optimum = SimpleNamespace(problem=problem, best=best)
     lines = {
-        sda: [*_compared(optimum, "", SimpleNamespace(metrics={"sDA": {"value": sda}}), True)]
-        for sda in (74.0, 76.0)
+        (sda, ase): [*_compared(optimum, "", fresh_with(sDA=sda, ASE=ase), True)]
+        for sda, ase in ((74.0, 9.0), (76.0, 9.0), (76.0, 10.1))
     }
-    assert lines[76.0] == []
-    (line,) = lines[74.0]
+    assert lines[76.0, 9.0] == []
+    (line,) = lines[74.0, 9.0]
+    assert lines[76.0, 10.1] == ["ASE is 10.1 % afresh, above its limit of 10 %", line]
     assert "within a tile, and 1 tile was cut in height afresh; give more rows" in line
 
 

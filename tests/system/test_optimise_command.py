@@ -66,7 +66,7 @@ def test_a_search_leaves_its_files_and_prints_its_optimum(run, case, tmp_path):
     optimum = json.loads((tmp_path / "d" / "optimum.json").read_text())
     assert optimum["feasible"]
     assert optimum["ASE"] <= 10
-    assert f"{optimum['evaluations']} evaluations with gradients" in out
+    assert f"{optimum['evaluations']} façades by all hours" in out
     fresh = json.loads((tmp_path / "d" / "fresh_metrics.json").read_text())
     assert fresh["sDA"]["low"] <= fresh["sDA"]["value"] <= fresh["sDA"]["high"]
     assert fresh["sDA"]["value"] == pytest.approx(

@@ -400,7 +400,7 @@ def test_the_command_writes_windows_that_a_case_reads(run, tmp_path, monkeypatch
     monkeypatch.chdir(tmp_path)
     code, out, err = run("optimise", "case.toml", "-o", "out")
     assert (code, err) == (0, "")
-    assert 'windows.csv: to draw the new windows into the model, give windows = "' in out
+    assert "windows.csv: to draw the new windows into the model, lay it beside the case" in out
     optimum = json.loads((tmp_path / "out" / "optimum.json").read_text())
     fresh = json.loads((tmp_path / "out" / "fresh_metrics.json").read_text())
     table = pd.read_csv(tmp_path / "out" / "windows.csv")

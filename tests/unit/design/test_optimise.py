@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from itertools import product
+from types import SimpleNamespace
 
 import mitsuba as mi
 import numpy as np
@@ -12,13 +13,13 @@ import pytest
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.design import Design
 from drcmitsuba.case.metrics import Metrics
-from drcmitsuba.design import pictures
+from drcmitsuba.design import gradient_search, pictures
 from drcmitsuba.design.facade_maps import Panes, Strips, Window
 from drcmitsuba.design.goal import Goal, LeastArea
 from drcmitsuba.design.layout import Layout
 from drcmitsuba.design.optimise import Search, optimise, pareto
 from drcmitsuba.design.parameters import Parameter
-from drcmitsuba.design.problem import FEW, FacadeProblem
+from drcmitsuba.design.problem import HOURS, FacadeProblem
 from drcmitsuba.design.realise import realise
 from drcmitsuba.design.search import History, Optimum
 from drcmitsuba.metrics.intervals.rules import Rules
@@ -179,9 +180,8 @@ def test_few_hours_are_near_all(long_year):
     problem = replace(problem, goal=replace(problem.goal, rules=LONG))
     few = problem.in_few_hours
     hours = few.year.hours
-    assert len(np.unique(hours)) == len(few.year.months) == FEW
-    assert np.bincount(hours % 10, minlength=10) == pytest.approx(FEW / 10, abs=3)
-    assert np.bincount(few.year.months)[1:] == pytest.approx(FEW / 12, abs=1)
+    assert len(np.unique(hours)) == len(few.year.months) == HOURS
+    assert np.bincount(few.year.months)[1:] == pytest.approx(HOURS / 12, abs=1)
     assert few.year.step_hours == few.goal.rules.step_hours == 3
     for x in np.random.default_rng(2).random((6, problem.size)):
         a, b = (each.evaluate(x, 8.0) for each in (problem, few))
@@ -190,6 +190,42 @@ def test_few_hours_are_near_all(long_year):
         assert b.smooth.ase == pytest.approx(a.smooth.ase, abs=4)
     short = by_strips(SyntheticYear(Tiles.grid(2, 2), time=60, grid=(4, 6)))
     assert short.in_few_hours is short
+
+
+@pytest.mark.parametrize("count", [960, 1440, 1830, 2610, 3624, 4392, 8760])
+@pytest.mark.parametrize("daily", [8, 10, 24])
+def test_few_hours_are_of_all_times_of_day_and_year(count, daily):
+    problem = by_strips(SyntheticYear(Tiles.grid(1, 1), time=count, grid=(1, 1)))
+    hours = problem.few_hours
+    assert (np.diff(hours) > 0).all()
+    assert len(hours) == HOURS
+    assert np.diff(hours).max() <= 2 * count / HOURS
+    expected = HOURS / daily  # each of them scatters by the root of this
+    assert np.bincount(hours % daily, minlength=daily) == pytest.approx(
+        expected, abs=4 * expected**0.5
+    )
+
+
+def test_a_stage_ends_at_the_point_that_slsqp_accepts(long_year, monkeypatch):
+    """Not at one of its trials; after too many evaluations, at the best of them that holds."""
+    goal = Goal(LONG, "film", film_cost=20.0, ase_limit=20.0)
+    problem = replace(by_strips(long_year), goal=goal)
+    start, ends, stop = np.linspace(0.2, 0.8, problem.size), [], gradient_search.minimize
+
+    def kept(*args, **options):
+        ends.append(stop(*args, **options).x)
+        return SimpleNamespace(x=ends[-1])
+
+    monkeypatch.setattr(gradient_search, "minimize", kept)
+    of_stage = History(problem), "", 20.0, problem.in_few_hours
+    x = gradient_search._stage(*of_stage, 12, start, 8.0)
+    np.testing.assert_array_equal(x, np.clip(ends[-1], 0, 1))
+    monkeypatch.setattr(gradient_search, "EVALUATIONS", 0.25)
+    x = gradient_search._stage(*of_stage, 12, start, 8.0)
+    few = problem.in_few_hours
+    begin, end = (few.evaluate(at, 8.0).smooth for at in (start, x))
+    assert len(ends) == 1
+    assert end.ase < begin.ase or end.value > begin.value
 
 
 @pytest.mark.parametrize("by", slowly([by_strips, by_window], by_window))
@@ -322,6 +358,8 @@ def test_the_front_falls_nowhere_and_holds_the_optimum(year, tmp_path):
     assert len(ase) >= 3
     within = [p.hard.value for p in front.points if p.hard.ase <= 30.0]
     assert max(within) >= optimum.best.hard.value
+    replace(front, points=()).save(tmp_path / "pareto.csv")
+    assert len(pd.read_csv(tmp_path / "pareto.csv")) == 0
     front.save(tmp_path / "pareto.csv")
     table = pd.read_csv(tmp_path / "pareto.csv")
     np.testing.assert_allclose(table.ASE, ase, atol=1e-3)
