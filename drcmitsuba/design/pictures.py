@@ -13,6 +13,7 @@ from drcmitsuba.design.facade_tiles import Tiles
 from drcmitsuba.design.measure import NAMES
 from drcmitsuba.design.optimise import Front
 from drcmitsuba.design.problem import FacadeScore
+from drcmitsuba.design.realise import pieces_of
 from drcmitsuba.design.search import Optimum
 from drcmitsuba.design.tilt_search import TiltOptimum
 from drcmitsuba.report import plots
@@ -69,23 +70,25 @@ def facade(
 ) -> Figure:
     """Draw a façade from outside, to scale, each tile filled by its `share` (tile, material).
 
-    In a mixed tile the heights are the shares: the film above the clear part, wall above both.
+    A mixed tile is cut in height as `realise` cuts it.
     """
     left, right, bottom, top = np.array(tiles.bounds).T
     size = np.array([right.max() - left.min(), top.max() - bottom.min()])
     wide = 8.6
-    high = float(np.clip(wide * size[1] / size[0], 1.2, 7.0))
-    figure = Figure(figsize=(wide, high + 1.5), layout="constrained")
+    tall = float(np.clip(wide * size[1] / size[0], 1.2, 7.0))
+    figure = Figure(figsize=(wide, tall + 1.5), layout="constrained")
     ax = figure.add_subplot()
     ax.set_title(title, loc="left", weight="bold", fontsize=11, parse_math=False)
     clear = [name for name in materials if name not in ("wall", film)]
     colours = {film: FILM, "wall": WALL}
     colours |= dict(zip(clear, (GLASS, *OTHER, *[GREY] * len(clear)), strict=False))
-    foot = bottom
-    for name in (*clear, film, "wall"):
-        height = share[:, list(materials).index(name)] * (top - bottom)
-        ax.bar(left, height, right - left, foot, align="edge", color=colours[name], linewidth=0)
-        foot = foot + height
+    ax.bar(left, top - bottom, right - left, bottom, align="edge", color=WALL, linewidth=0)
+    for x in np.unique(left):
+        column = np.flatnonzero(left == x)
+        column = column[np.argsort(bottom[column])]
+        width = right[column[0]] - x
+        for low, high, name in pieces_of(tiles, share, column, list(materials), film, 0.0):
+            ax.bar(x, high - low, width, low, align="edge", color=colours[name], linewidth=0)
     edges: dict[str, Any] = {"fill": False, "edgecolor": "white", "linewidth": 1.0}
     ax.bar(left, top - bottom, right - left, bottom, align="edge", **edges)
     margin = 0.02 * size.max()

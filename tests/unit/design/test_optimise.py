@@ -9,6 +9,7 @@ import mitsuba as mi
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.colors import to_rgba
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.design import Design
@@ -384,7 +385,9 @@ def test_files_of_a_search(year, tmp_path):
     assert saved["evaluations"] == optimum.evaluations
     np.testing.assert_allclose(np.sum(list(saved["composition"].values()), axis=0), 1, atol=1e-4)
     figure = pictures.facade(year.tiles, optimum.best.share, MATERIALS, "film", "best")
-    drawn = sum(p.get_width() * p.get_height() for p in figure.axes[0].patches if p.get_fill())
+    wall = to_rgba(pictures.WALL)
+    bars = [p for p in figure.axes[0].patches if p.get_fill() and p.get_facecolor() != wall]
+    drawn = sum(p.get_width() * p.get_height() for p in bars)
     assert drawn == pytest.approx(year.tiles.area.sum(), rel=1e-5)
     pictures.search(optimum).savefig(tmp_path / "search.png")
 
@@ -616,3 +619,15 @@ def test_a_design_that_cannot_be_is_refused():
         Layout.of(checked(Case, {k: v for k, v in TABLES.items() if k != "design"}, "room.toml"))
     with pytest.raises(InputError, match=r"ratio of 0\.6, the band has 0\.5; give a wider"):
         Layout.of(case(wwr=[0.6, 0.7]))
+
+
+def test_the_picture_shows_a_façade_as_it_is_drawn():
+    """Film in the upper part of a tile below film, and in the lower part of one above it."""
+    tiles = Tiles.grid(4, 1)
+    share = np.array([[0, 0.75, 0.25, 0], [0, 0, 1, 0], [0, 0.25, 0.75, 0], [1, 0, 0, 0]], float)
+    axes = pictures.facade(tiles, share, MATERIALS, "film").axes[0]
+    film = [p for p in axes.patches if p.get_facecolor() == to_rgba(pictures.FILM)]
+    (pane,) = film
+    high = 1.8 / 4
+    assert pane.get_y() == pytest.approx(0.9 + 0.75 * high)
+    assert pane.get_height() == pytest.approx(2 * high)
