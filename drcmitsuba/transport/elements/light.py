@@ -21,6 +21,7 @@ import xarray as xr
 
 from drcmitsuba.case.groups import GroupStates
 from drcmitsuba.runtime.pieces import pieces, run
+from drcmitsuba.runtime.threads import in_threads
 from drcmitsuba.schema import mean_and_error
 from drcmitsuba.transport.coefficient_arrays import with_values, without_values
 from drcmitsuba.transport.elements.paths import SentBack
@@ -102,15 +103,15 @@ class ElementLight:
     def pieces(
         self, sky_bins: int, values: np.ndarray, bins: np.ndarray
     ) -> Iterator[tuple[slice | np.ndarray, np.ndarray]]:
-        """Yield places and values (replicate, bin, receiver) of the sky, and of suns, some by some.
+        """Yield places and values (bin, receiver) of the sky, and of suns, some by some.
 
         Places are those in `bins`, some of all bins in rising order, the sky's among them.
         """
-        yield slice(0, sky_bins), values[:, :sky_bins]
+        yield slice(0, sky_bins), values[:sky_bins]
         suns = sky_bins + np.flatnonzero(np.isin(self.bins[sky_bins:], bins[sky_bins:]))
         places = np.searchsorted(bins, self.bins[suns])
-        for here in pieces(len(suns), values.shape[2]):
-            yield run(places[here]), values[:, run(suns[here])]
+        for here in pieces(len(suns), values.shape[1]):
+            yield run(places[here]), values[run(suns[here])]
 
     @property
     def nbytes(self) -> int:
@@ -181,7 +182,7 @@ class LightByElement:
         lit = self._sum(some, "straight", bins)
         scatters = any(light.direct is not light.straight for light, _ in some)
         direct = self._sum(some, "direct", bins) if scatters else lit
-        total, data = self._total(shares, bins), {}
+        total, data = self.total(shares, bins), {}
         parts = {"straight": lit, "direct": direct, "interreflected": total - direct}
         for name, values in parts.items():
             for end, array in zip(("", "_se"), mean_and_error(values), strict=True):
@@ -201,7 +202,7 @@ class LightByElement:
             them.
         """
         empty = without_values([self.labels[bin] for bin in bins.tolist()], self.positions)
-        return with_values(empty, {}, self._total(shares, bins).transpose(0, 2, 1))
+        return with_values(empty, {}, self.total(shares, bins).transpose(0, 2, 1))
 
     def straight(self, shares: np.ndarray, bins: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Part `straight` of the coefficients of a façade, at some bins alone.
@@ -244,12 +245,19 @@ class LightByElement:
         some = [(self.elements[e], float(shares[e])) for e in np.flatnonzero(shares).tolist()]
         return [(self.besides, 1.0), *some]
 
-    def _total(self, shares: np.ndarray, bins: np.ndarray) -> np.ndarray:
-        """C of a façade after all reflections [sr], shape (replicate, bin, sensor)."""
-        some = self._some(shares)
+    def total(self, shares: np.ndarray, bins: np.ndarray) -> np.ndarray:
+        """C of a façade after all reflections [sr], shape (replicate, bin, sensor).
+
+        Arguments are those of `replicates_at`.
+        """
+        some, G = self._some(shares), self.sent_back(shares)
         total, D = self._sum(some, "total", bins), self._sum(some, "blocks", bins)
-        for C, on_blocks, G in zip(total, D, self.sent_back(shares), strict=True):
-            C += on_blocks @ G
+
+        def of_replicate(r: int) -> None:
+            for here in pieces(len(bins), total.shape[2]):
+                total[r, here] += D[r, here] @ G[r]
+
+        in_threads(of_replicate, range(len(total)))
         return total
 
     def sent_back(self, shares: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -272,12 +280,14 @@ class LightByElement:
         """Σ w · light of some bins, (replicate, bin, receiver)."""
         first = getattr(some[0][0], name)
         out = np.zeros((len(first), len(bins), first.shape[2]), np.float32)
-        for light, share in some:
-            values = getattr(light, name)
-            if not light.is_lit[name]:
-                continue
-            for here, part in light.pieces(self.sky_bins, values, bins):
-                out[:, here] += part if share == 1 else np.float32(share) * part
+        lit = [(light, share) for light, share in some if light.is_lit[name]]
+
+        def of_replicate(r: int) -> None:
+            for light, share in lit:
+                for here, part in light.pieces(self.sky_bins, getattr(light, name)[r], bins):
+                    out[r, here] += part if share == 1 else np.float32(share) * part
+
+        in_threads(of_replicate, range(len(out)))
         return out
 
     def scaled(self, factors: np.ndarray) -> LightByElement:
