@@ -118,10 +118,8 @@ def _empty(trace: ElementTrace, kept: int, element: Element) -> ElementLight:
     """Light of 0."""
     shape = kept, len(element.bins)
     sensors, blocks = len(trace.points), trace.paths.blocks
-    deposit = element.deposit
-    scatters = bool(deposit.films or deposit.patches or element.photons)
     straight, total = (np.zeros((*shape, sensors), np.float32) for _ in range(2))
-    direct = np.zeros((*shape, sensors), np.float32) if scatters else straight
+    direct = np.zeros((*shape, sensors), np.float32) if element.scatters else straight
     return ElementLight(
         element.bins, straight, direct, total, np.zeros((*shape, blocks), np.float32)
     )
@@ -139,8 +137,11 @@ def _add(
     with one_blas_thread():  # most matrices are small
         for sensors in deposited.sensors:
             here = (..., sensors.here)
-            sensors.straight.add_to([straight[here]], draws)
-            sensors.direct.add_to([total[here], *([direct[here]] if scatters else [])], draws)
+            if scatters:
+                sensors.straight.add_to([straight[here]], draws)
+                sensors.direct.add_to([direct[here], total[here]], draws)
+            else:
+                sensors.straight.add_to([straight[here], total[here]], draws)
         for out, matrices in zip((total, blocks), zip(*paths, strict=True), strict=True):
             deposited.cells.add_to([out], draws, matrices)
 
