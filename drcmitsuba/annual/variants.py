@@ -17,7 +17,7 @@ from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.summed_year import accuracy_of
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.reading import load_case
-from drcmitsuba.plan import Plan, notes, plan
+from drcmitsuba.plan import notes, plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
@@ -65,8 +65,6 @@ class SharedElements:
     channels: tuple[by_element.LightByElement, ...]
     remarks: list[list[str]]
     """Notes on the films and the shade of each case."""
-    plans: list[Plan]
-    """Plan of each case."""
     run: Run
 
     @classmethod
@@ -100,18 +98,17 @@ class SharedElements:
             if light is None:  # hours beyond the period need C
                 writes_C = any(case.output.illuminance == "all" for case in cases)
                 light = daylight_and_year(first) if writes_C else daylight(first)
-            plans = [plan(case, light) for case in cases]
-            scope = joined_effects([each.scope for each in plans])
+            scope = joined_effects([plan(case, light).scope for case in cases])
         with run.timed("elements") as done:
             channels = light_of_channels(
                 facades.case, facades.panes, light.suns, accuracy, scope, done
             )
-        return cls(cases, light, facades, scope, channels, remarks, plans, run)
+        return cls(cases, light, facades, scope, channels, remarks, run)
 
     def evaluate(self, number: int, judged: Case | None = None) -> Result:
         """Evaluate one of the cases, by its own rules of the metrics or those of another case."""
-        planned = self.plans[number] if judged is None else plan(judged, self.light)
-        case = planned.facts.case
+        case = self.cases[number] if judged is None else judged
+        planned = plan(case, self.light)
         run = replace(
             self.run, enabled_effects=planned.scope, seconds=dict(self.run.seconds),
             ray_counter=Counter(self.run.ray_counter),
