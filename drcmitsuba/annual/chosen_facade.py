@@ -30,6 +30,7 @@ from drcmitsuba.transport.elements import LightByElement, compute
 from drcmitsuba.transport.elements.known_year import KnownYear
 from drcmitsuba.transport.elements.simulate import MOST_BYTES
 from drcmitsuba.transport.elements.trace import Points
+from drcmitsuba.transport.elements.year_by_bin import YearByBin
 
 
 def light_of_channels(
@@ -55,8 +56,8 @@ def light_of_channels(
 class KnownLight:
     """Light by element in a case's daylight, which all of its façades share."""
 
-    years: tuple[KnownYear, ...]
-    """Illuminances by element of the case's own time stamps, of every colour channel."""
+    years: tuple[KnownYear, ...] | tuple[YearByBin, ...]
+    """Year of the case's own time stamps, of every colour channel."""
     suns: np.ndarray
     """Suns that shine in the whole year, positions among all bins, int, shape (sun,)."""
 
@@ -74,9 +75,22 @@ class KnownLight:
         size = sum(each.nbytes + KnownYear.nbytes(each, hours) for each in channels)
         if size > min(MOST_BYTES, of_machine()):
             return None
-        L, every = (luminances_of(one, light.labels) for one in (daylight, daylight.every))
-        suns = light.sky_bins + np.flatnonzero(every[:, light.sky_bins :].getnnz(axis=0))
-        return cls(tuple(KnownYear.of(each, L) for each in channels), suns)
+        L = luminances_of(daylight, light.labels)
+        years = tuple(KnownYear.of(each, L) for each in channels)
+        return cls(years, _suns_of(daylight, light))
+
+    @classmethod
+    def by_bin(cls, channels: tuple[LightByElement, ...], daylight: Daylight) -> KnownLight:
+        """Light that few façades take, each of which sums it by its own bins."""
+        L = luminances_of(daylight, channels[0].labels)
+        years = tuple(YearByBin(each, L) for each in channels)
+        return cls(years, _suns_of(daylight, channels[0]))
+
+
+def _suns_of(daylight: Daylight, light: LightByElement) -> np.ndarray:
+    """Suns that shine in the whole year, positions among all bins, int, shape (sun,)."""
+    every = luminances_of(daylight.every, light.labels)
+    return light.sky_bins + np.flatnonzero(every[:, light.sky_bins :].getnnz(axis=0))
 
 
 @dataclass(frozen=True, eq=False)

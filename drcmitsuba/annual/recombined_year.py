@@ -26,6 +26,7 @@ from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.schema import describe
 from drcmitsuba.sky.daylight import Daylight
 
+SOURCES = ("total", "sky", "sun")
 ENDS = ("", "_se")
 """Endings of the names of a quantity and of its standard error."""
 
@@ -117,26 +118,14 @@ def with_open_state(E: xr.Dataset, facade: ChosenFacade, daylight: Daylight) -> 
     if "total_open" in E:
         return E
 
-    def made(parts: xr.Dataset, names: Sequence[str]) -> xr.Dataset:
-        return xr.Dataset(
-            {f"{name}_open{end}": parts[name + end] for name in names for end in ENDS}
-        )
-
-    def total() -> xr.Dataset:
-        with one_blas_thread():
-            known = facade.known(daylight, OPEN)
-        return made(illuminance.by_channel(accumulate.by_source, known, daylight.sky), ["total"])
-
-    def sources() -> xr.Dataset:
+    def made() -> xr.Dataset:
         with one_blas_thread():
             C = facade.replicates()
-        parts = illuminance.by_channel(accumulate.by_source, C, daylight.sky)
-        return made(parts, ["sky", "sun"])
+            parts = illuminance.by_channel(accumulate.by_source, C, daylight.sky)
+        return parts.rename({name + end: f"{name}_open{end}" for name in SOURCES for end in ENDS})
 
-    like = E["total"].variable
-    later = LaterArrays(total).variables(["total_open", "total_open_se"], like)
-    names = [f"{name}_open{end}" for name in ("sky", "sun") for end in ENDS]
-    later |= LaterArrays(sources).variables(names, like)
+    names = [f"{name}_open{end}" for name in SOURCES for end in ENDS]
+    later = LaterArrays(made).variables(names, E["total"].variable)
     first = ["direct_sun", "direct_sun_se"]  # as `metrics.accumulate.illuminance` has them
     own = {name: E[name].variable for name in E.data_vars}
     every = {name: own.pop(name) for name in first} | later | own

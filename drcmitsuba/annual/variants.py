@@ -21,7 +21,6 @@ from drcmitsuba.plan import notes, plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
-from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.shared_facades import SharedFacades
 from drcmitsuba.sky.daylight import Daylight, daylight, daylight_and_year
@@ -124,10 +123,9 @@ class SharedElements:
         return recombined(facade, planned, self.light, run, remarks, case.name)
 
     @cached_property
-    def _known(self) -> KnownLight | None:
-        """Light hour by hour, which all cases share."""
-        with one_blas_thread():
-            return KnownLight.of(self.channels, self.light)
+    def _known(self) -> KnownLight:
+        """Luminances of the bins by which each case sums its light."""
+        return KnownLight.by_bin(self.channels, self.light)
 
 
 def evaluate_variants(cases: Sequence[Case], stage: Stage = silent) -> Iterator[Result]:

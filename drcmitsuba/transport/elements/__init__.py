@@ -12,12 +12,15 @@ light_on_receivers
     Light on sensors and cells, and what paths gather of it: without dark cells, by parts of panes.
 trace
     Paths of a case, and the light of every element before any diffuse reflection.
+straight_light
+    Light that comes straight, of the pairs of a bin and a sensor that see each other.
 light, simulate
     Coefficients of every element, of which any façade is recombined.
 illuminance
     A year of known shares, of which no coefficients are kept.
-known_year
-    Illuminances of a year by element, of which any façade is summed in milliseconds.
+known_year, year_by_bin
+    Illuminances of a year by element, of which any façade is summed in milliseconds; those of few
+    façades, each from its own coefficients.
 state_illuminances, mixed_rows, smooth_year
     E of a period in every state of a façade; weighted sums of arrays; the smooth twin of a year of
     known light, whose derivatives by the shares are exact.

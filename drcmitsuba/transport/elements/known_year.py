@@ -18,13 +18,10 @@ import numpy as np
 from drcmitsuba.runtime.pieces import pieces, run
 from drcmitsuba.runtime.threads import in_threads
 from drcmitsuba.transport.elements.light import LightByElement
-from drcmitsuba.transport.elements.weights import BESIDES, Year
+from drcmitsuba.transport.elements.weights import BESIDES, MOST_ROWS, Year, different_rows
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
-
-MOST_ROWS = 16
-"""Number of different shares of a year up to which the paths G_m(w) become a matrix for each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,10 +83,7 @@ class KnownYear:
             E [lx].
         """
         hours = np.arange(self.L.shape[0]) if hours is None else hours
-        if shares.ndim == 1:
-            rows, of_hour = shares[None], np.zeros(len(hours), int)
-        else:
-            rows, of_hour = np.unique(shares, axis=0, return_inverse=True)
+        rows, of_hour = different_rows(shares, len(hours))
         light = self.light
         E = np.empty((light.replicates, len(hours), len(light.positions)), np.float32)
         if len(rows) > MOST_ROWS:

@@ -21,9 +21,11 @@ import xarray as xr
 
 from drcmitsuba.case.groups import GroupStates
 from drcmitsuba.runtime.pieces import pieces, run
+from drcmitsuba.runtime.threads import in_threads
 from drcmitsuba.schema import mean_and_error
 from drcmitsuba.transport.coefficient_arrays import with_values, without_values
 from drcmitsuba.transport.elements.paths import SentBack
+from drcmitsuba.transport.elements.straight_light import StraightLight
 from drcmitsuba.transport.elements.weights import BESIDES, Year, chosen
 
 if TYPE_CHECKING:
@@ -40,10 +42,11 @@ class ElementLight:
     bins: np.ndarray
     """Bins that it has light of, positions among all labels, int, shape (own bin,): ground and all
     sky patches, then some suns."""
-    straight: np.ndarray
-    """C by straight light [sr], shape (replicate, own bin, sensor)."""
-    direct: np.ndarray
-    """C before any diffuse reflection [sr], likewise; the same array where nothing scatters."""
+    pairs: StraightLight
+    """C by straight light [sr]."""
+    direct: np.ndarray | None
+    """C before any diffuse reflection [sr], shape (replicate, own bin, sensor); None where nothing
+    scatters, so that it is `straight`."""
     total: np.ndarray
     """C without light that met openings from inside [sr], likewise."""
     blocks: np.ndarray
@@ -52,73 +55,59 @@ class ElementLight:
     @cached_property
     def is_lit(self) -> dict[str, bool]:
         """Whether each array has any light."""
-        names = ("straight", "direct", "total", "blocks")
-        return {name: bool(getattr(self, name).any()) for name in names}
+        return {name: bool(array.any()) for name, array in self._arrays.items()}
 
-    @cached_property
-    def seen_pairs(self) -> tuple[np.ndarray, np.ndarray]:
-        """Pairs of an own bin and a sensor that see each other straight in some replicate.
+    @property
+    def straight(self) -> np.ndarray:
+        """C by straight light [sr], shape (replicate, own bin, sensor), made when asked for."""
+        return self.pairs.dense()
 
-        Their places in a flat array (own bin, sensor), rising, int, shape (pair,), and C of them
-        [sr], shape (replicate, pair).
-        """
-        C = self.straight.reshape(len(self.straight), -1)
-        places = np.flatnonzero(C.any(axis=0)) if self.is_lit["straight"] else np.zeros(0, int)
-        return places, C[:, places]
+    @property
+    def _arrays(self) -> dict[str, np.ndarray]:
+        arrays = {"straight": self.pairs.C, "total": self.total, "blocks": self.blocks}
+        return arrays if self.direct is None else arrays | {"direct": self.direct}
 
     def seen_at(self, bins: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The same of some bins, positions among all labels in rising order, int, shape (bin,).
+        """Pairs of some bins and the sensors that see them, and C of these pairs [sr].
 
-        Places are those in a flat array (bin, sensor).
+        `bins` are positions among all labels in rising order, int, shape (bin,). The places of the
+        pairs are those in a flat array (bin, sensor), shape (pair,); C is (replicate, pair).
         """
-        pairs, C = self.seen_pairs
-        own, sensor = np.divmod(pairs, self.straight.shape[2])
+        sensors, C = self.total.shape[2], self.pairs.C
+        own, sensor = np.divmod(self.pairs.places, sensors)
         kept = np.isin(self.bins, bins)[own]
         if not kept.all():
             own, sensor, C = own[kept], sensor[kept], C[:, kept]
-        return np.searchsorted(bins, self.bins)[own] * self.straight.shape[2] + sensor, C
+        return np.searchsorted(bins, self.bins)[own] * sensors + sensor, C
 
     def times(self, factor: float) -> ElementLight:
-        """Light times a factor; arrays that are one stay one."""
-        lit = {id(a): a * np.float32(factor) for a in self._arrays}
-        straight, direct, total, blocks = (lit[id(a)] for a in self._arrays)
-        return ElementLight(self.bins, straight, direct, total, blocks)
-
-    @property
-    def _arrays(self) -> tuple[np.ndarray, ...]:
-        return self.straight, self.direct, self.total, self.blocks
+        """Light times a factor."""
+        more = {name: array * np.float32(factor) for name, array in self._arrays.items()}
+        return replace(self, pairs=replace(self.pairs, C=more.pop("straight")), **more)
 
     @property
     def gives_light(self) -> bool:
         """Whether any sensor gets its light, be it by way of openings alone."""
         return self.is_lit["total"] or self.is_lit["blocks"]
 
-    @cached_property
-    def seen(self) -> np.ndarray:
-        """Places among its own bins of those that some sensor sees straight, int, shape (seen,)."""
-        lit = self.is_lit["straight"]
-        return np.flatnonzero(self.straight.any(axis=(0, 2))) if lit else np.zeros(0, int)
-
     def pieces(
         self, sky_bins: int, values: np.ndarray, bins: np.ndarray
     ) -> Iterator[tuple[slice | np.ndarray, np.ndarray]]:
-        """Yield places and values (replicate, bin, receiver) of the sky, and of suns, some by some.
+        """Yield places and values (bin, receiver) of the sky, and of suns, some by some.
 
         Places are those in `bins`, some of all bins in rising order, the sky's among them.
         """
-        yield slice(0, sky_bins), values[:, :sky_bins]
+        yield slice(0, sky_bins), values[:sky_bins]
         suns = sky_bins + np.flatnonzero(np.isin(self.bins[sky_bins:], bins[sky_bins:]))
         places = np.searchsorted(bins, self.bins[suns])
-        for here in pieces(len(suns), values.shape[2]):
-            yield run(places[here]), values[:, run(suns[here])]
+        for here in pieces(len(suns), values.shape[1]):
+            yield run(places[here]), values[run(suns[here])]
 
     @property
     def nbytes(self) -> int:
-        """Memory of the arrays, each once [bytes]; one without light takes none."""
-        arrays = {
-            id(a): a for a in (getattr(self, name) for name, lit in self.is_lit.items() if lit)
-        }
-        return sum(a.nbytes for a in arrays.values())
+        """Memory of the arrays [bytes]; one without light takes none."""
+        lit = sum(a.nbytes for name, a in self._arrays.items() if self.is_lit[name])
+        return lit + self.pairs.places.nbytes
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,10 +167,13 @@ class LightByElement:
             As from `transport.coefficients.compute` [sr].
         """
         some, bins = self._some(shares), np.arange(len(self.labels))
-        lit = self._sum(some, "straight", bins)
-        scatters = any(light.direct is not light.straight for light, _ in some)
-        direct = self._sum(some, "direct", bins) if scatters else lit
-        total, data = self._total(shares, bins), {}
+        lit = self._straight(some, bins)
+        scattered = [(light, share) for light, share in some if light.direct is not None]
+        direct = lit
+        if scattered:
+            clear = [(light, share) for light, share in some if light.direct is None]
+            direct = self._straight(clear, bins) + self._sum(scattered, "direct", bins)
+        total, data = self.total(shares, bins), {}
         parts = {"straight": lit, "direct": direct, "interreflected": total - direct}
         for name, values in parts.items():
             for end, array in zip(("", "_se"), mean_and_error(values), strict=True):
@@ -201,7 +193,7 @@ class LightByElement:
             them.
         """
         empty = without_values([self.labels[bin] for bin in bins.tolist()], self.positions)
-        return with_values(empty, {}, self._total(shares, bins).transpose(0, 2, 1))
+        return with_values(empty, {}, self.total(shares, bins).transpose(0, 2, 1))
 
     def straight(self, shares: np.ndarray, bins: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Part `straight` of the coefficients of a façade, at some bins alone.
@@ -244,12 +236,19 @@ class LightByElement:
         some = [(self.elements[e], float(shares[e])) for e in np.flatnonzero(shares).tolist()]
         return [(self.besides, 1.0), *some]
 
-    def _total(self, shares: np.ndarray, bins: np.ndarray) -> np.ndarray:
-        """C of a façade after all reflections [sr], shape (replicate, bin, sensor)."""
-        some = self._some(shares)
+    def total(self, shares: np.ndarray, bins: np.ndarray) -> np.ndarray:
+        """C of a façade after all reflections [sr], shape (replicate, bin, sensor).
+
+        Arguments are those of `replicates_at`.
+        """
+        some, G = self._some(shares), self.sent_back(shares)
         total, D = self._sum(some, "total", bins), self._sum(some, "blocks", bins)
-        for C, on_blocks, G in zip(total, D, self.sent_back(shares), strict=True):
-            C += on_blocks @ G
+
+        def of_replicate(r: int) -> None:
+            for here in pieces(len(bins), total.shape[2]):
+                total[r, here] += D[r, here] @ G[r]
+
+        in_threads(of_replicate, range(len(total)))
         return total
 
     def sent_back(self, shares: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -266,18 +265,28 @@ class LightByElement:
             del self._sent_back[old]
         return known
 
+    def _straight(self, some: list[tuple[ElementLight, float]], bins: np.ndarray) -> np.ndarray:
+        """Σ w · straight light of some bins, (replicate, bin, sensor)."""
+        out = np.zeros((self.replicates, len(bins) * len(self.positions)), np.float32)
+        for light, share in some:
+            places, C = light.seen_at(bins)
+            out[:, places] += C if share == 1 else np.float32(share) * C
+        return out.reshape(self.replicates, len(bins), len(self.positions))
+
     def _sum(
         self, some: list[tuple[ElementLight, float]], name: str, bins: np.ndarray
     ) -> np.ndarray:
         """Σ w · light of some bins, (replicate, bin, receiver)."""
         first = getattr(some[0][0], name)
         out = np.zeros((len(first), len(bins), first.shape[2]), np.float32)
-        for light, share in some:
-            values = getattr(light, name)
-            if not light.is_lit[name]:
-                continue
-            for here, part in light.pieces(self.sky_bins, values, bins):
-                out[:, here] += part if share == 1 else np.float32(share) * part
+        lit = [(light, share) for light, share in some if light.is_lit[name]]
+
+        def of_replicate(r: int) -> None:
+            for light, share in lit:
+                for here, part in light.pieces(self.sky_bins, getattr(light, name)[r], bins):
+                    out[r, here] += part if share == 1 else np.float32(share) * part
+
+        in_threads(of_replicate, range(len(out)))
         return out
 
     def scaled(self, factors: np.ndarray) -> LightByElement:

@@ -92,6 +92,21 @@ class LightOnReceivers:
                 for out in outputs:
                     out[k] += light
 
+    def entries(
+        self, results: int, draws: int
+    ) -> Iterator[tuple[int, np.ndarray, np.ndarray, np.ndarray]]:
+        """Yield the number of a result, and bins, receivers and light [sr] of what is lit in it.
+
+        No light of panes is among it. `results` is their number, of `draws` replicates each, as for
+        `add_to`; a result may come twice, with different bins.
+        """
+        each, first = self.replicates // results, 0
+        for part in self.apart:
+            for k, D in enumerate(_by_result(part, results, each, draws)):
+                lit = sparse.coo_matrix(D)
+                yield k, lit.row.astype(np.int64) + first, lit.col, lit.data
+            first += part.shape[1]
+
 
 def _by_result(D: mi.TensorXf, results: int, each: int, draws: int) -> Iterator[Matrix]:
     """Yield D (bin, receiver) of every result, of D (replicate · receiver, bin).

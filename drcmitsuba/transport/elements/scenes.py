@@ -36,14 +36,23 @@ class Element:
     """Number among the fills of all openings, opening by opening, or `BESIDES`."""
     bins: np.ndarray
     """Bins of its light among all labels, int, shape (own bin,)."""
-    deposit: Deposit
-    """Deposit of ground, sky and the suns that shine on it."""
-    sun_samples: int
+    deposit: Deposit | None = None
+    """Deposit of ground, sky and the suns that shine on it; None where the fill is opaque."""
+    sun_samples: int = 0
     """Directions from a sensor to every sun; 0 where suns do not shine straight."""
-    photons: PhotonTracer | None
+    photons: PhotonTracer | None = None
     """Photons, where components deviate its light."""
-    is_opaque: bool = False
-    """Whether no light comes in by its fill."""
+
+    @property
+    def is_opaque(self) -> bool:
+        """Whether no light comes in by its fill."""
+        return self.deposit is None
+
+    @property
+    def scatters(self) -> bool:
+        """Whether its fill sends light to sensors that comes not straight."""
+        light = self.deposit
+        return light is not None and bool(light.films or light.patches or self.photons)
 
 
 def elements_of_case(
@@ -77,6 +86,9 @@ def elements_of_case(
             if wanted is not None and number not in wanted:
                 continue
             mask = shining if wanted is None else shining & wanted[number]
+            if mine and all(isinstance(each.materials[fill], Lambertian) for each in mine):
+                elements.append(Element(number, np.arange(sky_bins)))
+                continue
         indices = [fill if g == opening else BLOCKED for g in range(len(groups))]
         world = scene.load(case, groups.label(indices), channel, effects, openings)
         if number != BESIDES and not _mirrors_suns(world):
@@ -91,8 +103,7 @@ def elements_of_case(
             light.scene, points, normals, light.suns, suns.diameter, subdivision, accuracy
         )
         samples = accuracy.sensor_sun_samples if suns.straight else 0
-        opaque = bool(mine) and all(isinstance(p.materials[fill], Lambertian) for p in mine)
-        elements.append(Element(number, bins, light, samples, photons, opaque))
+        elements.append(Element(number, bins, light, samples, photons))
     return elements
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from drcmitsuba_plugins.patches import Patches
@@ -20,6 +21,7 @@ from drcmitsuba.transport.elements.light import ElementLight, LightByElement
 from drcmitsuba.transport.elements.light_on_receivers import Matrix
 from drcmitsuba.transport.elements.paths import ElementPaths
 from drcmitsuba.transport.elements.scenes import Element
+from drcmitsuba.transport.elements.straight_light import Entries, StraightLight
 from drcmitsuba.transport.elements.trace import ElementDeposit, ElementTrace, Points
 
 MOST_BYTES = 12 << 30
@@ -70,6 +72,7 @@ def compute(
     lit = [e for e in every if not e.is_opaque]
     _check_size(case, trace, kept, [len(element.bins) for element in lit], most_bytes)
     lights = [_empty(trace, kept, element) for element in every]
+    straight: list[list[Entries]] = [[] for _ in every]
     rows = max(trace.paths.gathered.cells.count, len(trace.points))
     together = max(1, TOGETHER // (rows * len(trace.labels)))
     results, paths = range(0), list[tuple[Matrix, Matrix]]()
@@ -79,12 +82,17 @@ def compute(
             paths = [_matrices(trace.paths, k) for k in results]
         besides = trace.beside(some)
         if besides is not None:
-            _add(lights[0], results, draws, besides, paths)
+            _add(lights[0], straight[0], results, draws, besides, paths)
         for i, (element, light) in enumerate(zip(every[1:], lights[1:], strict=True), 1):
             if not element.is_opaque:
-                _add(light, results, draws, trace.deposited(element, some, besides), paths)
+                deposited = trace.deposited(element, some, besides)
+                _add(light, straight[i], results, draws, deposited, paths)
             done = some.start + len(some) * i / len(trace.elements)
             progress(done / accuracy.replicates)
+    lights = [
+        replace(light, pairs=StraightLight.of(entries, kept, light.pairs.shape))
+        for light, entries in zip(lights, straight, strict=True)
+    ]
     return LightByElement(
         openings=trace.openings,
         positions=trace.positions,
@@ -116,31 +124,32 @@ def _launches(replicates: int, draws: int, together: int) -> Iterator[range]:
 
 def _empty(trace: ElementTrace, kept: int, element: Element) -> ElementLight:
     """Light of 0."""
-    shape = kept, len(element.bins)
-    sensors, blocks = len(trace.points), trace.paths.blocks
-    deposit = element.deposit
-    scatters = bool(deposit.films or deposit.patches or element.photons)
-    straight, total = (np.zeros((*shape, sensors), np.float32) for _ in range(2))
-    direct = np.zeros((*shape, sensors), np.float32) if scatters else straight
-    return ElementLight(
-        element.bins, straight, direct, total, np.zeros((*shape, blocks), np.float32)
-    )
+    bins, sensors, blocks = len(element.bins), len(trace.points), trace.paths.blocks
+    total, onto = (np.zeros((kept, bins, n), np.float32) for n in (sensors, blocks))
+    direct = np.zeros_like(total) if element.scatters else None
+    straight = StraightLight.of((), kept, (bins, sensors))
+    return ElementLight(element.bins, straight, direct, total, onto)
 
 
 def _add(
-    light: ElementLight, results: range, draws: int, deposited: ElementDeposit,
-    paths: list[tuple[Matrix, Matrix]],
+    light: ElementLight, straight: list[Entries], results: range, draws: int,
+    deposited: ElementDeposit, paths: list[tuple[Matrix, Matrix]],
 ) -> None:  # fmt: skip
-    """Add the light of some replicates to results of `draws` each, gathered by their matrices."""
-    these = slice(results.start, results.stop)
-    arrays = light.straight, light.direct, light.total, light.blocks
-    straight, direct, total, blocks = (a[these] for a in arrays)
-    scatters = light.direct is not light.straight
+    """Add the light of some replicates to results of `draws` each, gathered by their matrices.
+
+    What comes straight is appended to `straight`.
+    """
+    these, count = slice(results.start, results.stop), light.total.shape[2]
+    total, blocks = light.total[these], light.blocks[these]
     with one_blas_thread():  # most matrices are small
         for sensors in deposited.sensors:
-            here = (..., sensors.here)
-            sensors.straight.add_to([straight[here]], draws)
-            sensors.direct.add_to([total[here], *([direct[here]] if scatters else [])], draws)
+            first, here = sensors.here.start, (..., sensors.here)
+            for k, bin, receiver, C in sensors.straight.entries(len(results), draws):
+                straight.append(Entries(results[k], bin * count + first + receiver, C))
+                if light.direct is None:
+                    total[k, bin, first + receiver] += C
+            if light.direct is not None:
+                sensors.direct.add_to([light.direct[these][here], total[here]], draws)
         for out, matrices in zip((total, blocks), zip(*paths, strict=True), strict=True):
             deposited.cells.add_to([out], draws, matrices)
 
@@ -156,7 +165,7 @@ def _matrices(paths: ElementPaths, result: int) -> tuple[Matrix, Matrix]:
 
 def _size(sensors: int, blocks: int, kept: int, bins: int) -> int:
     """Memory of C and D of so many bins, by all results [bytes]."""
-    return 4 * kept * bins * (3 * sensors + blocks)
+    return 4 * kept * bins * (2 * sensors + blocks)
 
 
 def _check_size(

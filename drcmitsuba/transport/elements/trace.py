@@ -34,6 +34,7 @@ from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_in_state import grouped_panes, groups_with_surfaces
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.elements.light_on_receivers import LightOnReceivers
 from drcmitsuba.transport.elements.marks import MOST_ELEMENTS, OpeningMarks
 from drcmitsuba.transport.elements.paths import ElementPaths, paths_of
@@ -187,6 +188,7 @@ class ElementTrace:
     def _deposited(self, element: Element, numbers: range) -> ElementDeposit:
         """All light in the scene of an element."""
         gathered, light = self.paths.gathered, element.deposit
+        assert light is not None
         every = Replicates(numbers, tuple(light.lit(r) for r in numbers))
         if element.photons is not None:
             seeds = (launch_seed(self.accuracy.seed, Stream.PHOTONS, r) for r in numbers)
@@ -202,7 +204,7 @@ class ElementTrace:
             p, n = flat(self.points[here]), flat(self.normals[here])
             told = None if gathered.within is None else gathered.within[here]
             within = within_of(light.scene, self.points[here], told)
-            disks = self._disks_of(element, here, p, n, within)
+            disks = self._disks_of(element.number, light, here, p, n, within)
             straight, direct, parts = every.sensors_by_parts(
                 p, n, here, element.sun_samples, within, disks
             )
@@ -212,13 +214,13 @@ class ElementTrace:
         return ElementDeposit(tuple(sensors), LightOnReceivers(count, every.cells, panes))
 
     def _disks_of(
-        self, element: Element, here: slice, p: mi.Float, n: mi.Float, within: Within
+        self, element: int, light: Deposit, here: slice, p: mi.Float, n: mi.Float, within: Within
     ) -> Disks:
-        """Disks of the suns as sensors see them in the scene of an element."""
-        key = element.number, here.start
+        """Disks of the suns as sensors see them in the scene of an element, by its number."""
+        key = element, here.start
         if (disks := self._disks.get(key)) is None:
-            disks = element.deposit.disks(p, n, sensor_numbers(here), within)
-            suns = sum(e.deposit.bins[1] for e in self.elements)
+            disks = light.disks(p, n, sensor_numbers(here), within)
+            suns = sum(e.deposit.bins[1] for e in self.elements if e.deposit is not None)
             if suns * len(self.points) <= KEPT:
                 self._disks[key] = disks
         return disks

@@ -15,6 +15,8 @@ HOURS = 64
 """Number of time stamps whose light is summed at once."""
 BESIDES = -1
 """In place of an element: light that passes no opening."""
+MOST_ROWS = 16
+"""Number of different shares of a year up to which the paths G_m(w) become a matrix for each."""
 
 
 def chosen(first: np.ndarray, indices: np.ndarray, elements: int) -> np.ndarray:
@@ -32,6 +34,17 @@ def chosen(first: np.ndarray, indices: np.ndarray, elements: int) -> np.ndarray:
     shares = np.zeros((*indices.shape[:-1], elements), np.float32)
     np.put_along_axis(shares, first + indices, 1, axis=-1)
     return shares
+
+
+def different_rows(shares: np.ndarray, hours: int) -> tuple[np.ndarray, np.ndarray]:
+    """Different shares (row, element) of a year, and the row of every hour, int, shape (time,).
+
+    `shares` are those of every time stamp (time, element), or of all of them (element,).
+    """
+    if shares.ndim == 1:
+        return shares[None], np.zeros(hours, int)
+    rows, of_hour = np.unique(shares, axis=0, return_inverse=True)
+    return rows, of_hour.reshape(-1)
 
 
 @dataclass(frozen=True, eq=False)

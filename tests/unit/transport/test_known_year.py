@@ -11,10 +11,11 @@ from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.transport import elements
-from drcmitsuba.transport.elements import known_year
+from drcmitsuba.transport.elements import known_year, year_by_bin
 from drcmitsuba.transport.elements.known_year import KnownYear
 from drcmitsuba.transport.elements.marked_light import MarkedLight
 from drcmitsuba.transport.elements.paths import SolvedReturn
+from drcmitsuba.transport.elements.year_by_bin import YearByBin
 from tests.fast import slowly
 from tests.unit.transport.exact_scenes import OPPOSITE, SUNS
 from tests.unit.transport.test_light_by_element import case
@@ -85,6 +86,25 @@ def test_a_year_of_many_states_is_the_sum_over_bins_hour_by_hour(year, monkeypat
     shares = year.light.shares(indices(6))
     by_bins = np.stack([*year.light.illuminance(year.L, shares)])
     np.testing.assert_allclose(year.illuminance(shares), by_bins, rtol=2e-5)
+
+
+def test_few_states_are_summed_by_their_own_bins(year):
+    """Bin by bin, E is that of the year by element, in all hours and in some."""
+    by_bin, shares = YearByBin(year.light, year.L), year.light.shares(indices(6))
+    np.testing.assert_allclose(by_bin.illuminance(shares), expected(year, shares), rtol=2e-5)
+    one, hours = np.array([0.3, 0, 0.7, 0.5, 0.5, 1], np.float32), np.arange(3, HOURS, 7)
+    some = by_bin.illuminance(one, hours)
+    np.testing.assert_allclose(some, year.illuminance(one)[:, hours], rtol=2e-5)
+    assert by_bin.illuminance(one, hours[:0]).shape[1] == 0
+
+
+def test_many_states_by_bins_are_those_of_the_year_by_element(year, monkeypatch):
+    """Both leave out what openings send back many times."""
+    for module in (known_year, year_by_bin):
+        monkeypatch.setattr(module, "MOST_ROWS", 0)
+    shares = year.light.shares(indices(6))
+    by_bin = YearByBin(year.light, year.L).illuminance(shares)
+    np.testing.assert_allclose(by_bin, year.illuminance(shares), rtol=2e-5)
 
 
 def test_some_hours_are_those_of_the_year(year):
