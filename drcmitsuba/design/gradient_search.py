@@ -23,8 +23,10 @@ from drcmitsuba.design.hard_search import best_within
 from drcmitsuba.design.problem import FacadeCandidate, FacadeProblem
 from drcmitsuba.runtime.progress import Progress
 
-LAST = 5
+LAST = 12
 """Largest number of steps by all hours, after those by few."""
+QUICK = 5
+"""The same for a point of a Pareto front."""
 EVALUATIONS = 3
 """Largest number of evaluations for each step: where no façade holds the limits, SLSQP does not end
 by itself."""
@@ -34,7 +36,7 @@ LACK = 1e-4
 
 def continuation(
     label: str, start: np.ndarray | None, sharpness: Sequence[float], iterations: int,
-    ase_limit: float | None,
+    last_steps: int, ase_limit: float | None,
     history: FacadeHistory, progress: Progress,
 ) -> None:  # fmt: skip
     """Gradient ascent by SLSQP in stages of rising sharpness, within a limit of ASE [%].
@@ -49,7 +51,7 @@ def continuation(
     few, last = problem.in_few_hours, sharpness[-1]
     stages = [(few, iterations, k) for k in sharpness]
     if few is not problem:
-        stages.append((problem, min(LAST, iterations), last))
+        stages.append((problem, min(last_steps, iterations), last))
     for i, (of, steps, k) in enumerate(stages):
         x = stage(of, steps, x, k)
         progress((i + 1) / len(stages))

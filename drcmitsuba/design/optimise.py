@@ -22,7 +22,7 @@ import pandas as pd
 
 from drcmitsuba.case.design import Design
 from drcmitsuba.design.area_search import FacadeHistory, lower_area
-from drcmitsuba.design.gradient_search import continuation
+from drcmitsuba.design.gradient_search import LAST, QUICK, continuation
 from drcmitsuba.design.hard_search import (
     FEW,
     best_within,
@@ -134,7 +134,7 @@ def optimise(
         starts.append(problem.start)
         starts += [rng.random(problem.size) for _ in range(search.starts - 1)]
     for i, x in enumerate(starts, 1):
-        stages = f"start {i}", x, sharpness, search.iterations, limit
+        stages = f"start {i}", x, sharpness, search.iterations, LAST, limit
         searches.append(partial(continuation, *stages))
     searches += _by_hard_numbers(problem)
     return Optimum.of(History(problem), searches, progress)
@@ -170,7 +170,7 @@ def pareto(
     """
     problem, before = optimum.problem, optimum.history
     history = replace(before, steps=list(before.steps))
-    stages = search.sharpness[-2:], search.iterations
+    stages = search.sharpness[-2:], search.iterations, QUICK
     falling = sorted(limits, reverse=True)
     searches: list[LocalSearch] = [
         partial(_under, limit, higher, *stages)
@@ -192,7 +192,7 @@ def pareto(
 
 
 def _under(
-    limit: float, higher: float, sharpness: Sequence[float], iterations: int,
+    limit: float, higher: float, sharpness: Sequence[float], iterations: int, last_steps: int,
     history: FacadeHistory, progress: Progress,
 ) -> None:  # fmt: skip
     """Search under a limit of ASE [%], unless every façade so far is above a higher one."""
@@ -202,7 +202,7 @@ def _under(
     if history.sketches:
         from_sketches(history, progress, label=label, ase_limit=limit)
     else:
-        continuation(label, None, sharpness, iterations, limit, history, progress)
+        continuation(label, None, sharpness, iterations, last_steps, limit, history, progress)
 
 
 def _by_hard_numbers(problem: FacadeProblem) -> list[LocalSearch]:
