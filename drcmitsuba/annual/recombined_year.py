@@ -27,6 +27,7 @@ from drcmitsuba.schema import describe
 from drcmitsuba.sky.daylight import Daylight
 
 SOURCES = ("total", "sky", "sun")
+"""Names of the light that `metrics.accumulate.by_source` tells apart."""
 ENDS = ("", "_se")
 """Endings of the names of a quantity and of its standard error."""
 

@@ -83,8 +83,7 @@ def _facade(case: Case, output: Path, stage: Stage) -> None:
         plots.save(pictures.search(optimum), output / "search.png")
         if front is not None:
             plots.save(pictures.front(front, chosen=hard), output / "pareto.png")
-    finished = front.finished if front is not None else optimum.finished
-    fresh = _saved(layout.afresh(optimum, stage), output) if finished else None
+    fresh = _saved(layout.afresh(optimum, stage), output) if optimum.finished else None
     areas = {"film": hard.film_area, "panes": hard.window_area}
     _print(optimum, "best façade", fresh, areas)
     if fresh is not None:

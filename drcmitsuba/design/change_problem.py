@@ -141,8 +141,8 @@ class ChangeProblem:
         facade, hours = self.facade.in_few_hours, self.facade.few_hours
         if hours is None:
             return self
-        rules = replace(self.requirement.rules, step_hours=facade.year.step_hours)
-        return replace(self, facade=facade, requirement=self.requirement.at_hours(hours, rules))
+        asked = self.requirement.at_hours(hours, facade.year.step_hours)
+        return replace(self, facade=facade, requirement=asked)
 
     @cached_property
     def values_now(self) -> Mapping[str, np.ndarray]:

@@ -237,10 +237,8 @@ class _Stage:
         inside = np.clip(np.where(np.isfinite(x), x, self._x), 0, 1)
         key = inside.tobytes()  # value and gradients are asked for one by one
         if key not in self._evaluated:
-            if self._problem is self._history.problem:
-                self._evaluated[key] = self._history.evaluate(inside, "gradient", self._sharpness)
-            else:
-                self._evaluated[key] = self._problem.evaluate(inside, self._sharpness)
+            settings = inside, "gradient", self._sharpness
+            self._evaluated[key] = self._history.tried(self._problem, *settings)
         return self._evaluated[key]
 
     def _minimise(self, value: Of, gradient: Of, constraints: list[dict[str, Any]]) -> np.ndarray:

@@ -80,7 +80,7 @@ class Goal:
     def at(self, hours: np.ndarray, step_hours: float) -> Goal:
         """Goal of some time stamps (hour,), each of which stands for so many hours."""
         rules, asked = replace(self.rules, step_hours=step_hours), self.requirement
-        asked = None if asked is None else asked.at_hours(hours, rules)
+        asked = None if asked is None else asked.at_hours(hours, step_hours)
         return replace(self, rules=rules, requirement=asked)
 
     def value(self, aim: Any, film: Any, window: Any) -> Any:

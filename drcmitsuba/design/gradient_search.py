@@ -85,12 +85,8 @@ def _stage(
         if key not in evaluated:
             if len(evaluated) >= most:
                 raise _SpentError
-            if problem is not history.problem:
-                evaluated[key] = problem.evaluate(inside, sharpness)
-            elif (inside == begin.x).all():
-                evaluated[key] = begin
-            else:
-                evaluated[key] = history.evaluate(inside, label, sharpness)
+            is_start = problem is history.problem and (inside == begin.x).all()
+            evaluated[key] = begin if is_start else history.tried(problem, inside, label, sharpness)
         return evaluated[key]
 
     def shift(name: str) -> float:

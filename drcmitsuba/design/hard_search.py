@@ -56,12 +56,11 @@ def sweep(sharpness: float, history: FacadeHistory, progress: Progress) -> None:
     history.evaluate(problem.start, "start", sharpness)
     for i, level in enumerate(product(np.linspace(0, 1, levels), repeat=problem.size)):
         x = np.array(level)
-        by_all = few is problem
-        sketch = history.evaluate(x, "sweep", sharpness) if by_all else few.evaluate(x, sharpness)
+        sketch = history.tried(few, x, "sweep", sharpness)
         history.sketches.append(sketch)
         if best is None or problem.merit(sketch) > problem.merit(best):
             best = sketch
-            if not by_all:
+            if few is not problem:
                 history.evaluate(x, "sweep", sharpness)
         progress((i + 1) / levels**problem.size)
 

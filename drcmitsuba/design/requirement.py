@@ -127,11 +127,12 @@ class Requirement:
         level = self.level.model_copy(update={"limits": tuple(limits.values())})
         return replace(self, level=level)
 
-    def at_hours(self, hours: np.ndarray, rules: Rules) -> Requirement:
-        """Level asked of some time stamps (hour,), by rules of their duration."""
+    def at_hours(self, hours: np.ndarray, step_hours: float) -> Requirement:
+        """Level asked of some time stamps (hour,), each of which stands for so many hours."""
         at = np.flatnonzero(np.isin(hours, self.at))
         groups = None if self.groups is None else self.groups.at(hours)
         coordinates = self.coordinates.isel(time=hours)
+        rules = replace(self.rules, step_hours=step_hours)
         return replace(self, at=at, coordinates=coordinates, rules=rules, groups=groups)
 
     def hard(self, E: Illuminances) -> tuple[Outcome, np.ndarray]:

@@ -89,6 +89,13 @@ class History(Generic[P, C]):
         self.steps.append(Step(label, time.perf_counter() - self.begin, candidate))
         return candidate
 
+    def tried(self, problem: P, x: np.ndarray, label: str, *settings: float) -> C:
+        """Evaluate a design of the own problem; of a smaller one, without keeping it."""
+        if problem is self.problem:
+            return self.evaluate(x, label, *settings)
+        candidate: C = problem.evaluate(x, *settings)
+        return candidate
+
     def best(self, merit: Callable[[C], tuple[float, ...]] | None = None) -> C:
         """Candidate of the largest merit; `merit` replaces the problem's key."""
         return max(self.candidates, key=merit or self.problem.merit)

@@ -166,11 +166,11 @@ class SmoothYear:
             return _Part(of.elements, total, light)
 
         total, D, straight = self.besides
+        (total, straight), (D,) = of_bins((total, straight), sensors), of_bins((D,), blocks)
         step = self.step_hours * len(self.months) / len(hours)
         return replace(
             self, months=self.months[hours], step_hours=step, shape=(len(bins), blocks, sensors),
-            besides=(*of_bins((total,), sensors), *of_bins((D,), blocks),
-                     *of_bins((straight,), sensors)),
+            besides=(total, D, straight),
             same=part(self.same), opened=part(self.opened), closed=tuple(map(part, self.closed)),
             straight=(self.straight[0], of_bins(self.straight[1], sensors)),
             sky=mi.TensorXf(np.ascontiguousarray(self.sky.numpy()[hours])),

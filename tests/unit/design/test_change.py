@@ -452,7 +452,7 @@ def test_some_hours_that_stand_for_all_have_the_same_margins(year, by_tiles, at_
         Illuminances(*(mi.TensorXf(e.numpy()[at]) for e in (E.open, E.shaded, E.direct)))
         for at in (pairs, pairs[::2])
     )
-    some = asked.at_hours(pairs[::2], replace(RULES, step_hours=2.0))
+    some = asked.at_hours(pairs[::2], 2.0)
     np.testing.assert_allclose(some.hard(half)[1], asked.hard(whole)[1], rtol=1e-6)
     smooth = [float(a[0]) for a in asked.smooth(whole, 8.0)]
     np.testing.assert_allclose([float(a[0]) for a in some.smooth(half, 8.0)], smooth, rtol=0.03)
