@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
@@ -32,7 +32,19 @@ def aligned_copy(a: ArrayLike, dtype: type[np.generic]) -> np.ndarray:
 
 def aligned_empty(shape: Sequence[int], dtype: DTypeLike) -> np.ndarray:
     """Array of numbers without values that is aligned."""
+    return _aligned(np.empty, shape, dtype)
+
+
+def aligned_zeros(shape: Sequence[int], dtype: DTypeLike) -> np.ndarray:
+    """Array of zeros that is aligned; it takes memory where it is written to."""
+    return _aligned(np.zeros, shape, dtype)
+
+
+def _aligned(
+    made: Callable[[int, type[np.uint8]], np.ndarray], shape: Sequence[int], dtype: DTypeLike
+) -> np.ndarray:
+    """Array in memory that `made` gives, a few bytes more than it needs."""
     size = math.prod(shape) * np.dtype(dtype).itemsize
-    memory = np.empty(size + ALIGNMENT, np.uint8)
+    memory = made(size + ALIGNMENT, np.uint8)
     start = -memory.ctypes.data % ALIGNMENT
     return memory[start : start + size].view(dtype).reshape(shape)

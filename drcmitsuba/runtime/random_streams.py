@@ -74,6 +74,8 @@ class Stream(Enum):
     """Directions on suns, and on their images, that eyes see; 0, or number of the chain from 1."""
     SUN_TILES = (_N, 20)
     """Rays of eyes near those that see mirrors without exact images; number of the launch."""
+    OPENINGS = (_N, 22)
+    """Seed of points on the scattering panes of an opening; number of the opening."""
     PANES = (_N, 0, _N)
     """Light on the faces of panes that scatter evenly; replicate, `Draw`."""
     FILMS = (_N, 0, 0, _N)

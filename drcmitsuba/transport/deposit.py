@@ -43,6 +43,8 @@ from drcmitsuba.transport.rays.straight_suns import FEWER, Disks
 
 PEAK_RAYS = 8
 """Largest number of directions along the peaks of a film per pane point of a receiver."""
+TO_PANES = frozenset({Draw.PANES, Draw.FILMS, Draw.PEAKS})
+"""Draws of points on panes, and of directions to them."""
 ON_SENSORS, ON_CELLS = 16, 32
 """A sensor, and a cell, draw a direction from the lobe of a sun for so many of its pane points."""
 
@@ -75,6 +77,8 @@ class Deposit:
     """Share of straight light that counts at the receivers; None where all of it does."""
     starts: Starts | None = None
     """Where rays of straight light start from receivers that are surfaces."""
+    pane_seed: int | None = None
+    """Seed of the draws `TO_PANES`; None for that of the case."""
 
     @property
     def bins(self) -> tuple[int, int]:
@@ -83,7 +87,8 @@ class Deposit:
 
     def seed(self, key: Key, draw: Draw) -> int:
         """Seed of one launch."""
-        return launch_seed(self.accuracy.seed, *key, draw)
+        own = draw in TO_PANES and self.pane_seed is not None
+        return launch_seed(self.pane_seed if own else self.accuracy.seed, *key, draw)
 
     @contextmanager
     def launch(self, key: Key, draw: Draw) -> Iterator[int]:

@@ -9,13 +9,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.runtime.threads import one_blas_thread
 
 Rows = tuple[Any, ...]
 """Arrays (mi.Float) of equal length, one for each element."""
-AT_ONCE = 64
-"""Number of arrays that one kernel reads."""
+AT_ONCE = (64, 32, 16, 8, 4, 2, 1)
+"""Numbers of arrays that one kernel reads: few, since each number is a kernel of its own."""
 
 
 def mixed(arrays: Rows, weights: mi.Float) -> mi.Float:
@@ -31,11 +31,19 @@ class _Mixed(dr.CustomOp):
     """
 
     def eval(self, arrays: Callable[[], Rows], weights: mi.Float) -> mi.Float:
-        """Sum the arrays, which a function gives: nothing flows to them."""
-        self.arrays, total = arrays(), mi.Float(0)
-        for start in range(0, len(self.arrays), AT_ONCE):
-            for i, array in enumerate(self.arrays[start : start + AT_ONCE], start):
-                total += dr.gather(mi.Float, weights, i) * array
+        """Sum the arrays, which a function gives: nothing flows to them.
+
+        Those of weight 0 are not read: the sum takes as long as memory takes to give the arrays.
+        """
+        self.arrays = arrays()
+        used = np.flatnonzero(weights.numpy()).tolist()
+        total = dr.zeros(mi.Float, dr.width(self.arrays[0]) if self.arrays else 1)
+        while used:
+            count = next(n for n in AT_ONCE if n <= len(used))
+            some, used = used[:count], used[count:]
+            own = dr.gather(mi.Float, weights, flat_indices(np.array(some)))
+            for i, array in enumerate(self.arrays[k] for k in some):
+                total += dr.gather(mi.Float, own, i) * array
             dr.eval(total)
         return total
 

@@ -12,7 +12,9 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import BLOCKED
 from drcmitsuba.model.materials import DiffuserMaterial, Lambertian, SurfaceMaterial
+from drcmitsuba.model.model import areas
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import normals as unit_normals
@@ -42,6 +44,8 @@ class Element:
     """Directions from a sensor to every sun; 0 where suns do not shine straight."""
     photons: PhotonTracer | None = None
     """Photons, where components deviate its light."""
+    part: float = 1.0
+    """Part of the area of all openings that its own takes; 1 of the light `BESIDES`."""
 
     @property
     def is_opaque(self) -> bool:
@@ -79,6 +83,7 @@ def elements_of_case(
     subdivision, groups = case.sky.subdivision, openings.states
     sky_bins, shining = len(Patches(subdivision)), effects.enabled_suns(suns)
     radius, elements = np.sin(np.radians(suns.diameter) / 2), []
+    area = sum(_area(each) for each in panes)
     fills = [(g, s) for g, of in enumerate(groups.states) for s in range(len(of))]
     for number, (opening, fill) in [(BESIDES, (-1, BLOCKED)), *enumerate(fills)]:
         mask, mine = shining, [each for each in panes if each.group == opening]
@@ -99,12 +104,21 @@ def elements_of_case(
         parts = tuple(_from_outside(case, part, materials, count) for part in world.parts)
         bins = np.concatenate([np.arange(sky_bins), sky_bins + np.flatnonzero(mask)])
         light = _deposit(replace(world, parts=parts), suns.where(mask), subdivision, accuracy)
+        if number != BESIDES:  # else tiles would share one pattern of points, and so its errors
+            own = launch_seed(accuracy.seed, Stream.OPENINGS, opening)
+            light = replace(light, pane_seed=own)
         photons = PhotonTracer.of(
             light.scene, points, normals, light.suns, suns.diameter, subdivision, accuracy
         )
         samples = accuracy.sensor_sun_samples if suns.straight else 0
-        elements.append(Element(number, bins, light, samples, photons))
+        part = sum(map(_area, mine)) / area if mine else 1.0
+        elements.append(Element(number, bins, light, samples, photons, part))
     return elements
+
+
+def _area(panes: GroupedPanes) -> float:
+    """Area of panes [m²]."""
+    return float(areas(np.reshape(panes.quads, (-1, 4, 3))).sum())
 
 
 def _mirrors_suns(world: scene.Scene) -> bool:

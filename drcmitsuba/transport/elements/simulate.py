@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from math import ceil
 
 import numpy as np
 from drcmitsuba_plugins.patches import Patches
@@ -11,6 +12,7 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import GroupStates
+from drcmitsuba.runtime.aligned_arrays import aligned_zeros
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.runtime.threads import one_blas_thread
@@ -28,6 +30,9 @@ MOST_BYTES = 12 << 30
 """Largest memory of light by element [bytes]."""
 BLOCKS = 300
 """Number of blocks of cells of a room, about."""
+LEAST_DRAWS, TILES = 2, 8
+"""Least number of draws by which an element is lit, and number of openings of one size up to which
+each is lit by all draws: many tiles have the samples of each, and random numbers of their own."""
 TOGETHER = 1 << 26
 """Largest number of values of D that replicates have in the same launches."""
 
@@ -73,21 +78,26 @@ def compute(
     _check_size(case, trace, kept, [len(element.bins) for element in lit], most_bytes)
     lights = [_empty(trace, kept, element) for element in every]
     straight: list[list[Entries]] = [[] for _ in every]
+    lit_by = [draws_of_light(draws, element) for element in every]
     rows = max(trace.paths.gathered.cells.count, len(trace.points))
     together = max(1, TOGETHER // (rows * len(trace.labels)))
+    if min(lit_by) < draws:  # the first draws of each result stand apart
+        together = min(together, draws)
     results, paths = range(0), list[tuple[Matrix, Matrix]]()
     for some in _launches(accuracy.replicates, draws, together):
         before, results = results, range(some.start // draws, (some.stop - 1) // draws + 1)
         if results != before:  # one result may take several launches
             paths = [_matrices(trace.paths, k) for k in results]
-        besides = trace.beside(some)
-        if besides is not None:
-            _add(lights[0], straight[0], results, draws, besides, paths)
-        for i, (element, light) in enumerate(zip(every[1:], lights[1:], strict=True), 1):
-            if not element.is_opaque:
-                deposited = trace.deposited(element, some, besides)
-                _add(light, straight[i], results, draws, deposited, paths)
-            done = some.start + len(some) * i / len(trace.elements)
+        besides: dict[range, ElementDeposit | None] = {}
+        for i, (element, own) in enumerate(zip(every, lit_by, strict=True)):
+            here = range(some.start, min(some.stop, (results.stop - 1) * draws + own))
+            if here and not element.is_opaque:
+                if here not in besides:
+                    besides[here] = trace.beside(here)
+                light = besides[here] if i == 0 else trace.deposited(element, here, besides[here])
+                if light is not None:
+                    _add(lights[i], straight[i], results, own, light, paths)
+            done = some.start + (some.stop - some.start) * i / len(trace.elements)
             progress(done / accuracy.replicates)
     lights = [
         replace(light, pairs=StraightLight.of(entries, kept, light.pairs.shape))
@@ -112,6 +122,13 @@ def memory(
     return _size(sensors, BLOCKS, accuracy.replicates, bins)
 
 
+def draws_of_light(draws: int, element: Element) -> int:
+    """Number of a result's draws by which an element is lit; all `draws` count for paths."""
+    if element.photons is not None:
+        return draws
+    return min(draws, max(LEAST_DRAWS, ceil(draws * TILES * element.part)))
+
+
 def _launches(replicates: int, draws: int, together: int) -> Iterator[range]:
     """Yield replicates that share launches: those of whole results, or some of one result's."""
     whole, step = draws, together
@@ -125,7 +142,7 @@ def _launches(replicates: int, draws: int, together: int) -> Iterator[range]:
 def _empty(trace: ElementTrace, kept: int, element: Element) -> ElementLight:
     """Light of 0."""
     bins, sensors, blocks = len(element.bins), len(trace.points), trace.paths.blocks
-    total, onto = (np.zeros((kept, bins, n), np.float32) for n in (sensors, blocks))
+    total, onto = (aligned_zeros((kept, bins, n), np.float32) for n in (sensors, blocks))
     direct = np.zeros_like(total) if element.scatters else None
     straight = StraightLight.of((), kept, (bins, sensors))
     return ElementLight(element.bins, straight, direct, total, onto)

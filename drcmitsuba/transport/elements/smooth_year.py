@@ -16,8 +16,9 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from drcmitsuba.runtime.aligned_arrays import aligned_zeros
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.flat_arrays import flat, flat_indices
+from drcmitsuba.runtime.flat_arrays import flat, flat_indices, shared
 from drcmitsuba.schema import positions
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.luminances import blended
@@ -286,14 +287,17 @@ def _lit(light: LightByElement) -> np.ndarray:
 
 def _rows(some: Sequence[ElementLight], name: str, bins: np.ndarray) -> Rows:
     """Mean over the results of an array of each element, in the order of `bins`, flat."""
-    out = []
-    for light in some:
-        own = getattr(light, name).mean(axis=0)
-        whole = np.zeros((len(bins), own.shape[1]), np.float32)
-        known = np.isin(light.bins, bins)
-        whole[np.searchsorted(bins, light.bins[known])] = own[known]
-        out.append(flat(whole))
-    return tuple(out)
+    return tuple(_row(light.bins, getattr(light, name), bins) for light in some)
+
+
+def _row(own: np.ndarray, results: np.ndarray, bins: np.ndarray) -> mi.Float:
+    """Mean over results (result, own bin, …) in the order of `bins`, flat; it may share memory."""
+    mean = results[0] if len(results) == 1 else results.mean(axis=0)
+    if np.array_equal(own, bins):
+        return shared(mean)
+    whole, known = aligned_zeros((len(bins), mean.shape[1]), np.float32), np.isin(own, bins)
+    whole[np.searchsorted(bins, own[known])] = mean[known]
+    return shared(whole)
 
 
 def _returned(light: LightByElement) -> tuple[Any, ...]:

@@ -8,12 +8,17 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.random_streams import Draw, Stream
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.transport import coefficients, elements
+from drcmitsuba.transport.deposit import TO_PANES
 from drcmitsuba.transport.elements import simulate
+from drcmitsuba.transport.elements.scenes import Element
+from drcmitsuba.transport.elements.trace import ElementTrace
+from drcmitsuba.transport.elements.weights import BESIDES
 from tests.unit.transport.exact_scenes import CLOTH, GLASS, OPAL, OPPOSITE, SUNS
 
 ROOM = {
@@ -155,6 +160,54 @@ def test_results_are_means_however_they_are_launched(monkeypatch, kept):
     monkeypatch.setattr(simulate, "TOGETHER", 1)
     for a, b in zip(together, coefficients_of(), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-4, atol=1e-7)
+
+
+def deposits_of(one):
+    """Deposits by number of the element, and the first number of every opening."""
+    openings = PaneGroups.of(one)
+    trace = ElementTrace.of(one, openings, SUNS, one.accuracy, ALL_EFFECTS)
+    every = {e.number: e.deposit for e in (trace.besides, *trace.elements) if e.deposit}
+    return every, openings.states.starts
+
+
+@pytest.mark.parametrize("draw", list(Draw))
+def test_openings_have_points_on_panes_of_their_own_and_all_else_in_common(draw):
+    """Else tiles of one shape would share a pattern, and light besides openings would not cancel.
+
+    Fills of one opening keep their points, so that differences between them have less noise.
+    """
+    deposits, (south, east, _, _) = deposits_of(case())
+    seeds = {number: d.seed((Stream.SENSORS,), draw) for number, d in deposits.items()}
+    assert seeds[south] == seeds[south + 1] == seeds[south + 2]
+    assert (seeds[south] == seeds[east] == seeds[BESIDES]) == (draw not in TO_PANES)
+
+
+def test_many_tiles_are_lit_by_some_of_the_draws():
+    """Of six draws, a third of a façade takes all and a hundredth part two."""
+
+    def draws(of, part, photons=None):
+        element = Element(0, np.arange(3), part=part, photons=photons)
+        return simulate.draws_of_light(of, element)
+
+    assert [draws(6, part) for part in (1.0, 1 / 3, 1 / 8, 0.1, 1 / 16, 0.01)] == [6, 6, 6, 5, 3, 2]
+    assert draws(1, 0.01) == 1
+    assert draws(6, 0.01, photons=object()) == 6
+
+
+@pytest.mark.parametrize("together", [1 << 26, 1])
+def test_fewer_draws_light_openings_alike(monkeypatch, together):
+    """Means over 2 of 12 draws differ by their noise alone, light besides openings included."""
+    one = case()
+    every = elements.compute(one, PaneGroups.of(one), SUNS, one.accuracy, ALL_EFFECTS, kept=1)
+    monkeypatch.setattr(simulate, "TILES", 0)
+    monkeypatch.setattr(simulate, "TOGETHER", together)
+    some = elements.compute(one, PaneGroups.of(one), SUNS, one.accuracy, ALL_EFFECTS, kept=1)
+    for state in ("open", "cloth/cloth/open"):
+        shares, bins = every.shares(every.openings.indices(state)), np.arange(len(every.labels))
+        ours, theirs = (x.total(shares, bins) for x in (some, every))
+        assert not np.array_equal(ours, theirs)
+        assert ours.sum() == pytest.approx(theirs.sum(), rel=0.02)
+        np.testing.assert_allclose(ours.sum(axis=1), theirs.sum(axis=1), rtol=0.08)
 
 
 def test_light_by_element_needs_openings():
