@@ -87,8 +87,8 @@ class Deposit:
 
     def seed(self, key: Key, draw: Draw) -> int:
         """Seed of one launch."""
-        own = draw in TO_PANES and self.pane_seed is not None
-        return launch_seed(self.pane_seed if own else self.accuracy.seed, *key, draw)
+        own = self.pane_seed if draw in TO_PANES else None
+        return launch_seed(self.accuracy.seed if own is None else own, *key, draw)
 
     @contextmanager
     def launch(self, key: Key, draw: Draw) -> Iterator[int]:

@@ -10,7 +10,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
-from drcmitsuba.runtime.threads import one_blas_thread
+from drcmitsuba.runtime.threads import in_threads, one_blas_thread
 
 Rows = tuple[Any, ...]
 """Arrays (mi.Float) of equal length, one for each element."""
@@ -55,9 +55,15 @@ class _Mixed(dr.CustomOp):
         """Multiply the derivative by every array."""
         slope = self.grad_out()
         if mi.variant().startswith("llvm"):
+            own, arrays = slope.numpy(), [array.numpy() for array in self.arrays]
+            products = np.zeros(len(arrays), np.float32)
+
+            def multiply(i: int) -> None:
+                products[i] = arrays[i] @ own
+
             with one_blas_thread():
-                own = slope.numpy()
-                of_weights = flat(np.array([array.numpy() @ own for array in self.arrays]))
+                in_threads(multiply, range(len(products)))
+            of_weights = flat(products)
         else:
             of_weights = dr.concat([dr.sum(slope * array) for array in self.arrays])
         self.set_grad_in("weights", of_weights)
