@@ -146,7 +146,7 @@ def pareto(
     search: Search = Search(),
     progress: Progress = lambda share: None,
 ) -> Front:
-    """Sweep the limit of ASE; each search starts from the best candidate so far.
+    """Sweep the limit of ASE downwards; each search starts from the optimum under the one above.
 
     Other limits lead out of local optima: where the sweep has met a façade that is better under the
     problem's own limit, a search from there follows, so that no point of the front belies
@@ -174,7 +174,7 @@ def pareto(
     falling = sorted(limits, reverse=True)
     searches: list[LocalSearch] = [
         partial(_under, limit, higher, *stages)
-        for limit, higher in zip(falling, [100.0, *falling], strict=False)
+        for limit, higher in zip(falling, [None, *falling], strict=False)
     ]
 
     def again(history: FacadeHistory, progress: Progress) -> None:
@@ -192,17 +192,24 @@ def pareto(
 
 
 def _under(
-    limit: float, higher: float, sharpness: Sequence[float], iterations: int, last_steps: int,
-    history: FacadeHistory, progress: Progress,
+    limit: float, higher: float | None, sharpness: Sequence[float], iterations: int,
+    last_steps: int, history: FacadeHistory, progress: Progress,
 ) -> None:  # fmt: skip
-    """Search under a limit of ASE [%], unless every façade so far is above a higher one."""
-    label = f"ASE ≤ {limit:g} %"
-    if best_within(history, higher).hard.ase > higher + ASE_TOLERANCE:
-        return
+    """Search under a limit of ASE [%], unless every façade so far is above the `higher` one.
+
+    The best candidate under the limit itself, met on the way to others, may lie far from its
+    optimum; the highest limit has no other start.
+    """
+    label, start = f"ASE ≤ {limit:g} %", None
+    if higher is not None:
+        above = best_within(history, higher)
+        if above.hard.ase > higher + ASE_TOLERANCE:
+            return
+        start = above.x
     if history.sketches:
         from_sketches(history, progress, label=label, ase_limit=limit)
     else:
-        continuation(label, None, sharpness, iterations, last_steps, limit, history, progress)
+        continuation(label, start, sharpness, iterations, last_steps, limit, history, progress)
 
 
 def _by_hard_numbers(problem: FacadeProblem) -> list[LocalSearch]:
