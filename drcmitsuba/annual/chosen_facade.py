@@ -13,6 +13,7 @@ from drcmitsuba.annual.choice import ChosenFills
 from drcmitsuba.annual.moving_groups import MovingGroups, moving_groups
 from drcmitsuba.annual.simulation import joined_channels
 from drcmitsuba.annual.summed_year import luminances_of, replicates_of
+from drcmitsuba.annual.weighed_replicates import WeighedReplicates
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, GroupStates, State
@@ -30,6 +31,7 @@ from drcmitsuba.transport.elements import LightByElement, compute
 from drcmitsuba.transport.elements.known_year import KnownYear
 from drcmitsuba.transport.elements.simulate import MOST_BYTES
 from drcmitsuba.transport.elements.trace import Points
+from drcmitsuba.transport.elements.weighed_year import WeighedYear
 from drcmitsuba.transport.elements.year_by_bin import YearByBin
 
 
@@ -67,6 +69,14 @@ class KnownLight:
         light, L = self.years[0].light, self.years[0].L
         suns = np.flatnonzero(L[:, light.sky_bins :].getnnz(axis=0))
         return np.concatenate([np.arange(light.sky_bins), light.sky_bins + suns])
+
+    @property
+    def summed(self) -> KnownYear | None:
+        """Year by element of which E is a plain sum; None in colour, and where G_m differs."""
+        year, *others = self.years
+        if isinstance(year, KnownYear) and not (others or year.differs):
+            return year
+        return None
 
     @classmethod
     def of(cls, channels: tuple[LightByElement, ...], daylight: Daylight) -> KnownLight | None:
@@ -175,9 +185,14 @@ class ChosenFacade:
         """`illuminance` [lx] of a state at all or some time stamps, where the `light` is known."""
         assert self.light is not None
         shares, time = self._shares_of(state), daylight.sky["time"].values
+        if (summed := self.light.summed) is not None:
+            E = WeighedReplicates(WeighedYear.constant(summed, shares))
+            known = xr.Variable(("replicate", "time", "sensor"), E)
+            data = xr.Dataset({"illuminance": known}, {"time": time}, self.attributes)
+            return self._with_sensors(data)
         channels = [year.illuminance(shares, hours) for year in self.light.years]
-        E = _by_channel(channels, time if hours is None else time[hours])
-        return self._with_sensors(xr.Dataset({"illuminance": E}, attrs=self.attributes))
+        held = _by_channel(channels, time if hours is None else time[hours])
+        return self._with_sensors(xr.Dataset({"illuminance": held}, attrs=self.attributes))
 
     def year(
         self, daylight: Daylight, indices: np.ndarray, progress: Progress = lambda share: None

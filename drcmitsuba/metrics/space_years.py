@@ -30,8 +30,6 @@ from drcmitsuba.metrics.thresholds import stamps_passed
 from drcmitsuba.runtime.pieces import pieces, run
 from drcmitsuba.schema import luminance
 
-SUMMED = ("replicates", "sun_straight", "sun_straight_se", "illuminance")
-"""Variables of C that are linear in the sensors."""
 ENTRIES = 1 << 20
 """Number of entries of E whose replicates are held at once."""
 
@@ -70,8 +68,7 @@ class SpaceYears:
             row[space.sensors] = space.shares
         for of_state, hours in states if len(spaces) else ():
             at = sky.isel(time=hours)
-            E = accumulate.replicates(_summed(of_state, shares), at, np.arange(len(spaces)))
-            daylight[:, hours] = moved(E)
+            daylight[:, hours] = moved(accumulate.of_means(of_state, at, shares))
         autonomy = _autonomy(states, sky, illuminance, spaces, rules)
         return cls(autonomy, daylight, interval_of_moved)
 
@@ -137,18 +134,6 @@ def interval_of_moved(values: np.ndarray) -> Interval:
 def _ends(values: np.ndarray) -> Interval:
     """Interval from a metric of E, of E with all errors down, and with all errors up."""
     return Interval(float(values[0]), float(values.min()), float(values.max()))
-
-
-def _summed(C: xr.Dataset, shares: np.ndarray) -> xr.Dataset:
-    """C of means over sensors: a row of `shares` (mean, sensor) stands for a sensor."""
-    arrays = {}
-    for name in SUMMED:
-        if name in C:
-            last = [dim for dim in C[name].dims if dim not in ("replicate", "sensor")]
-            array = C[name].transpose(..., "sensor", *last)
-            arrays[name] = (array.dims, shares @ array.values)
-    kept = {name: c for name, c in C.coords.items() if "sensor" not in c.dims}
-    return xr.Dataset(arrays, kept, C.attrs)
 
 
 def _autonomy(

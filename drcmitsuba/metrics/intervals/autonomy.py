@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from threading import Lock
 from typing import NamedTuple
 
@@ -38,6 +39,10 @@ GROUPS = 64
 """Number of groups of sensors; errors outside the replicates are independent between groups."""
 ENTRIES = 128
 """Number of entries drawn at once: few enough for the cache and for a single thread."""
+FARTHEST = slice(0, FEWER[-1])
+"""Draws that are made of all entries: to choose among these takes as long."""
+NEARER = tuple(slice(fewer, draws) for draws, fewer in pairwise(FEWER))
+"""Draws that are made of entries of the same level and of those before."""
 
 
 class Multipliers(NamedTuple):
@@ -164,24 +169,27 @@ class Doubts:
         squares = np.einsum("er,er->e", self.off[:, :n], self.off[:, :n]) / (n * (n - 1))
         return np.sqrt(squares if self.own is None else squares + self.own**2)
 
-    def passes(self, some: np.ndarray, draws: int = DRAWS) -> np.ndarray:
-        """Whether E* ≥ threshold in the first draws of some entries, bool, shape (entry, draw)."""
-        passed, together = np.empty((len(some), draws), bool), ENTRIES * DRAWS // draws
-        held = np.empty((min(together, len(some)), draws), np.float32)
-        for start in range(0, len(some), together):
-            few = some[start : start + together]
-            E = self.above(few, draws, held[: len(few)])
-            np.greater_equal(E, 0, out=passed[start : start + together])
+    def some(self, chosen: np.ndarray | slice) -> Doubts:
+        """Some of the entries."""
+        own = None if self.own is None else self.own[chosen]
+        return Doubts(self.off[chosen], own, self.group[chosen], self.drawn)
+
+    def passes(self, draws: slice = slice(0, DRAWS)) -> np.ndarray:
+        """Whether E* ≥ threshold in some draws, bool, shape (entry, draw)."""
+        width = len(range(DRAWS)[draws])
+        passed, together = np.empty((len(self.off), width), bool), ENTRIES * DRAWS // width
+        held = np.empty((min(together, len(self.off)), width), np.float32)
+        for start in range(0, len(self.off), together):
+            few = slice(start, start + together)
+            E = self.some(few).above(draws, held[: len(self.off[few])])
+            np.greater_equal(E, 0, out=passed[few])
         return passed
 
-    def above(
-        self, some: np.ndarray | slice = slice(None), draws: int = DRAWS,
-        out: np.ndarray | None = None,
-    ) -> np.ndarray:  # fmt: skip
-        """E* less the threshold in the first draws of some entries [lx], shape (entry, draw)."""
-        E = np.matmul(self.off[some], self.drawn.weights[:, :draws], out=out)
+    def above(self, draws: slice = slice(0, DRAWS), out: np.ndarray | None = None) -> np.ndarray:
+        """E* less the threshold in some draws [lx], shape (entry, draw)."""
+        E = np.matmul(self.off, self.drawn.weights[:, draws], out=out)
         if self.own is not None:
-            E += self.own[some, None] * self.drawn.others[self.group[some], :draws]
+            E += self.own[:, None] * self.drawn.others[self.group, draws]
         return np.asarray(E)
 
 
@@ -232,38 +240,43 @@ def _draw(
     level = tally.levels(sensor, time, by_mean, near, len(FEWER) - 1)
     lock = Lock()
 
-    def passes(some: np.ndarray, draws: int) -> np.ndarray:
-        """Whether entries, in rising order, pass in the first draws (entry, draw)."""
-        passed = whole.passes(some, draws)
+    def passes(some: np.ndarray | slice, draws: slice) -> np.ndarray:
+        """Whether entries, in rising order, pass in some draws (entry, draw)."""
+        passed = whole.some(some).passes(draws)
+        if not varying:
+            return passed
+        some = np.arange(len(time))[some]
         passed[hour[some] >= 0] = False
         for k, entries, own in varying:
             places = np.minimum(np.searchsorted(some, entries), len(some) - 1)
             here = np.flatnonzero(some[places] == entries)
-            in_draw = closures.drawn[hour[entries[here]], :draws] == k
-            passed[places[here]] |= own.passes(here, draws) & in_draw
+            in_draw = closures.drawn[hour[entries[here]], draws] == k
+            passed[places[here]] |= own.some(here).passes(draws) & in_draw
         return passed
 
     def of_block(block: slice) -> None:
         first = tally.first(sensor[block], time[block])
-        base = np.add.reduceat(by_mean[block], first, dtype=np.int32)
-        counts = np.repeat(base[:, None], DRAWS, axis=1)
-        for k, draws in enumerate(FEWER[:-1]):
-            some = np.flatnonzero(level[block] == k)
-            row = np.searchsorted(first, some, side="right") - 1
-            begins = np.flatnonzero(np.diff(row, prepend=-1))
+        counts = np.empty((len(first), DRAWS), np.int32)
+        counts[:, FARTHEST] = sums(passes(block, FARTHEST), first)
+        by_own = np.add.reduceat(by_mean[block], first, dtype=np.int32)
+        row_of = np.repeat(np.arange(len(first)), np.diff(first, append=len(by_mean[block])))
+        for k, draws in enumerate(NEARER):
+            some = np.flatnonzero(level[block] <= k)
+            counts[:, draws] = by_own[:, None]
             if len(some):
-                own = some + block.start
+                own, row = some + block.start, row_of[some]
+                begins = np.flatnonzero(np.diff(row, prepend=-1))
                 more = sums(passes(own, draws), begins)
                 more -= np.add.reduceat(by_mean[own], begins, dtype=np.int32)[:, None]
-                counts[row[begins], :draws] += more
+                counts[row[begins], draws] += more
 
         def share(some: np.ndarray) -> np.ndarray:
             own = some + block.start
             count = by_mean[own] * DRAWS
-            for k, draws in enumerate(FEWER[:-1]):
+            for k, draws in enumerate(FEWER):
                 here = np.flatnonzero(near[own] == k)
                 if len(here):
-                    passed = draws_passed(passes(own[here], draws))
+                    passed = draws_passed(passes(own[here], slice(0, draws)))
                     count[here] = passed + by_mean[own[here]] * (DRAWS - draws)
             return np.asarray(count / DRAWS)
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from drcmitsuba.metrics.intervals.rules import DRAWS
 
-FEWER = (DRAWS, 304, 120, 40, 8, 0)
+FEWER = (DRAWS, 440, 304, 200, 120, 40)
 """Numbers of draws that entries are told apart by: those that reach farthest; multiples of eight,
 see `bootstrap_counts.sums`."""
 MARGIN = 1e-4
