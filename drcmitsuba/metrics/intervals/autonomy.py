@@ -32,12 +32,12 @@ from drcmitsuba.metrics.intervals.bootstrap_counts import (
 from drcmitsuba.metrics.intervals.facade_draws import Closures
 from drcmitsuba.metrics.intervals.reach import FEWER, Reach
 from drcmitsuba.metrics.intervals.rules import BEYOND, DRAWS, t_factor
-from drcmitsuba.runtime.pieces import pieces
+from drcmitsuba.runtime.pieces import pieces, run
 from drcmitsuba.runtime.threads import in_threads, one_blas_thread
 
 GROUPS = 64
 """Number of groups of sensors; errors outside the replicates are independent between groups."""
-ENTRIES = 128
+ENTRIES = 256
 """Number of entries drawn at once: few enough for the cache and for a single thread."""
 FARTHEST = slice(0, FEWER[-1])
 """Draws that are made of all entries: to choose among these takes as long."""
@@ -171,8 +171,12 @@ class Doubts:
 
     def some(self, chosen: np.ndarray | slice) -> Doubts:
         """Some of the entries."""
-        own = None if self.own is None else self.own[chosen]
-        return Doubts(self.off[chosen], own, self.group[chosen], self.drawn)
+        if isinstance(chosen, np.ndarray):
+            chosen = run(chosen)
+        off = self.off[chosen] if isinstance(chosen, slice) else self.off.take(chosen, axis=0)
+        if self.own is None:
+            return Doubts(off, None, self.group, self.drawn)
+        return Doubts(off, self.own[chosen], self.group[chosen], self.drawn)
 
     def passes(self, draws: slice = slice(0, DRAWS)) -> np.ndarray:
         """Whether E* ≥ threshold in some draws, bool, shape (entry, draw)."""
@@ -191,6 +195,35 @@ class Doubts:
         if self.own is not None:
             E += self.own[:, None] * self.drawn.others[self.group, draws]
         return np.asarray(E)
+
+
+@dataclass(frozen=True)
+class Layer:
+    """Entries that some draws move, row by row: months of sensors."""
+
+    draws: slice
+    entries: np.ndarray
+    """The first of every row is among them, so that none is empty, int, shape (entry,)."""
+    begins: np.ndarray
+    """Place of each row's first one among them, and their number, int, shape (row + 1,)."""
+    base: np.ndarray
+    """Number of the others that pass, by their means, int, shape (row,)."""
+
+    @classmethod
+    def of(cls, by_mean: np.ndarray, first: np.ndarray, moved: np.ndarray, draws: slice) -> Layer:
+        """Entries that are `moved` (entry,), of rows from their `first` on (row,)."""
+        moved = moved.copy()
+        moved[first] = True
+        entries = np.flatnonzero(moved)
+        begins = np.searchsorted(entries, first)
+        base = np.add.reduceat(by_mean & ~moved, first, dtype=np.int32)
+        return cls(draws, entries, np.append(begins, len(entries)), base)
+
+    def at(self, rows: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Entries, the first ones and the base of some rows."""
+        begins = self.begins[rows.start : rows.stop + 1]
+        entries = self.entries[begins[0] : begins[-1]]
+        return entries, begins[:-1] - begins[0], self.base[rows]
 
 
 def draw_autonomy(
@@ -228,8 +261,8 @@ def _draw(
     def doubts(k: int, entries: np.ndarray) -> tuple[np.ndarray, Doubts]:
         return entries, states[k].doubts(time[entries], sensor[entries], threshold, drawn)
 
-    state = closures.state[time]
-    whole = Doubts.joined([doubts(k, np.flatnonzero(state == k)) for k in np.unique(state)])
+    state, which = closures.state[time], np.unique(closures.state)
+    whole = Doubts.joined([doubts(k, np.flatnonzero(state == k)) for k in which.tolist()])
     hour = np.full(len(closures.state), -1)
     hour[closures.hours] = np.arange(len(closures.hours))
     hour = hour[time]
@@ -240,12 +273,11 @@ def _draw(
     level = tally.levels(sensor, time, by_mean, near, len(FEWER) - 1)
     lock = Lock()
 
-    def passes(some: np.ndarray | slice, draws: slice) -> np.ndarray:
+    def passes(some: np.ndarray, draws: slice) -> np.ndarray:
         """Whether entries, in rising order, pass in some draws (entry, draw)."""
         passed = whole.some(some).passes(draws)
         if not varying:
             return passed
-        some = np.arange(len(time))[some]
         passed[hour[some] >= 0] = False
         for k, entries, own in varying:
             places = np.minimum(np.searchsorted(some, entries), len(some) - 1)
@@ -254,21 +286,17 @@ def _draw(
             passed[places[here]] |= own.some(here).passes(draws) & in_draw
         return passed
 
+    first = tally.first(sensor, time)
+    layers = [Layer.of(by_mean, first, level <= k, draws) for k, draws in enumerate(NEARER)]
+    layers.append(Layer.of(by_mean, first, np.ones(len(time), bool), FARTHEST))
+
     def of_block(block: slice) -> None:
-        first = tally.first(sensor[block], time[block])
-        counts = np.empty((len(first), DRAWS), np.int32)
-        counts[:, FARTHEST] = sums(passes(block, FARTHEST), first)
-        by_own = np.add.reduceat(by_mean[block], first, dtype=np.int32)
-        row_of = np.repeat(np.arange(len(first)), np.diff(first, append=len(by_mean[block])))
-        for k, draws in enumerate(NEARER):
-            some = np.flatnonzero(level[block] <= k)
-            counts[:, draws] = by_own[:, None]
-            if len(some):
-                own, row = some + block.start, row_of[some]
-                begins = np.flatnonzero(np.diff(row, prepend=-1))
-                more = sums(passes(own, draws), begins)
-                more -= np.add.reduceat(by_mean[own], begins, dtype=np.int32)[:, None]
-                counts[row[begins], draws] += more
+        rows = slice(*np.searchsorted(first, (block.start, block.stop)))
+        counts = np.empty((rows.stop - rows.start, DRAWS), np.int32)
+        for layer in layers:
+            entries, begins, base = layer.at(rows)
+            some = sums(passes(entries, layer.draws), begins)
+            np.add(some, base[:, None], out=counts[:, layer.draws])
 
         def share(some: np.ndarray) -> np.ndarray:
             own = some + block.start
@@ -280,7 +308,7 @@ def _draw(
                     count[here] = passed + by_mean[own[here]] * (DRAWS - draws)
             return np.asarray(count / DRAWS)
 
-        counted = tally.summed(sensor[block], time[block], first, counts, share)
+        counted = tally.summed(sensor[block], time[block], first[rows] - block.start, counts, share)
         with lock:
             tally.add(counted)
 

@@ -272,12 +272,14 @@ def draws_passed(passed: np.ndarray) -> np.ndarray:
 def sums(passed: np.ndarray, first: np.ndarray) -> np.ndarray:
     """Number of passed entries (entry, draw) in pieces from the `first` of each, (piece, draw).
 
-    The number of draws is a multiple of eight, whose bytes are added as one number.
+    The number of draws is a multiple of eight, whose bytes are added as one number. Counts are bytes
+    where these are large enough.
     """
-    pieces = -(-np.diff(first, append=len(passed)) // MOST)  # of which a byte counts each
+    sizes = np.append(first[1:], len(passed)) - first
+    if sizes.max(initial=0) <= MOST:
+        return np.add.reduceat(passed.view(np.uint64), first, axis=0).view(np.uint8)
+    pieces = -(-sizes // MOST)  # of which a byte counts each
     begins = np.append(0, pieces.cumsum()[:-1])
     starts = np.repeat(first, pieces) + MOST * (np.arange(pieces.sum()) - np.repeat(begins, pieces))
     counts = np.add.reduceat(passed.view(np.uint64), starts, axis=0).view(np.uint8)
-    if len(starts) == len(first):
-        return counts.astype(np.int32)
     return np.asarray(np.add.reduceat(counts, begins, axis=0, dtype=np.int32))

@@ -50,5 +50,7 @@ class Reach:
         `missing` is the distance from the threshold, `error` the standard error [lx], shape
         (entry,) each.
         """
-        far = (1 - MARGIN) * np.abs(missing) >= self.limits[:, None] * error
-        return np.asarray(np.count_nonzero(far & (missing != 0), axis=0))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            far = (1 - MARGIN) * np.abs(missing) / error
+        far[missing == 0] = 0  # as far as an entry without an error lies
+        return np.searchsorted(self.limits, far, side="right")
