@@ -272,8 +272,8 @@ def draws_passed(passed: np.ndarray) -> np.ndarray:
 def sums(passed: np.ndarray, first: np.ndarray) -> np.ndarray:
     """Number of passed entries (entry, draw) in pieces from the `first` of each, (piece, draw).
 
-    The number of draws is a multiple of eight, whose bytes are added as one number. Counts are bytes
-    where these are large enough.
+    The number of draws is a multiple of eight, whose bytes are added as one number. Counts are
+    bytes where these are large enough.
     """
     sizes = np.append(first[1:], len(passed)) - first
     if sizes.max(initial=0) <= MOST:
