@@ -54,13 +54,16 @@ def _dataset(sky: xr.Dataset, arrays: dict[str, np.ndarray]) -> xr.Dataset:
     return xr.Dataset({name: (("time", "sensor"), a) for name, a in arrays.items()}, coords)
 
 
-def _by_suns(suns: csr_matrix, C: np.ndarray) -> np.ndarray:
-    """Illuminance (time, sensor) by suns (time, bin), of coefficients (sensor, bin)."""
+def _by_suns(suns: csr_matrix, C: np.ndarray, is_lit: np.ndarray) -> np.ndarray:
+    """Illuminance (time, sensor) by suns (time, bin), of coefficients (sensor, bin).
+
+    `is_lit` tells the bins that give any light, bool, shape (bin,): straight light comes from few.
+    """
     bins = np.diff(suns.indptr)
     if (bins > 1).any():
         return np.asarray(suns @ C.T)
     E = np.zeros((len(bins), len(C)), np.result_type(suns, C))
-    kept = np.flatnonzero(np.any(C, axis=0)[suns.indices])  # straight light comes from few suns
+    kept = np.flatnonzero(is_lit[suns.indices])
     shines, of_hour, L = np.flatnonzero(bins)[kept], suns.indices[kept], suns.data[kept, None]
 
     def some(here: slice) -> None:  # takes half as long as a product
@@ -91,8 +94,9 @@ def direct_sun(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
     out = {}
     for name in ("straight", "straight_se"):
         C = coefficients[name].values
-        _refuse_gaps(suns @ np.isnan(C.sum(axis=0)), sky)
-        out[name.replace("straight", "direct_sun")] = _by_suns(suns, C)
+        whole = C.sum(axis=0)  # of numbers that are not below 0
+        _refuse_gaps(suns @ np.isnan(whole), sky)
+        out[name.replace("straight", "direct_sun")] = _by_suns(suns, C, whole != 0)
     return describe(_dataset(sky, out))
 
 
