@@ -28,6 +28,7 @@ from drcmitsuba.metrics.space_tasks import at_target, in_use
 from drcmitsuba.metrics.spaces import SensorsOfSpace
 from drcmitsuba.metrics.thresholds import stamps_passed
 from drcmitsuba.runtime.pieces import pieces, run
+from drcmitsuba.runtime.threads import in_threads
 from drcmitsuba.schema import luminance
 
 ENTRIES = 1 << 20
@@ -153,18 +154,24 @@ def _autonomy(
         limit[space.sensors] = space.target or rules.metrics.sda_threshold
         weight[space.sensors] = 100 * space.shares / wanted[:, k].sum()
         space_of[space.sensors] = k
-    every, enough = wanted.all(), np.zeros(sensors, np.int64)
+    every, parts = wanted.all(), pieces(*E.shape) if len(spaces) else []
+    enough = np.zeros((max(1, len(parts)), sensors), np.int32)
     # No |E_r − Ē| / √n is larger than √(n − 1) standard errors.
     beyond, doubtful = np.float32(1.001 * np.sqrt(count - 1)), np.empty(E.shape, bool)
-    for here in pieces(*E.shape) if len(spaces) else ():
-        passed, own = limit <= E[here], doubtful[here]
-        np.less_equal(np.abs(E[here] - limit), beyond * error[here], out=own)
+
+    def of_part(part: int) -> None:
+        here = parts[part]
+        above = E[here] - limit
+        passed, own = above >= 0, doubtful[here]
+        np.less_equal(np.abs(above, out=above), beyond * error[here], out=own)
         if not every:
             of_sensor = wanted[here, space_of]
             passed &= of_sensor
             own &= of_sensor
-        enough += stamps_passed(passed)
-    out = np.tile(np.bincount(space_of, weight * enough, len(spaces)), (count + 1, 1))
+        enough[part] = stamps_passed(passed)
+
+    in_threads(of_part, range(len(parts)))
+    out = np.tile(np.bincount(space_of, weight * enough.sum(axis=0), len(spaces)), (count + 1, 1))
     for C, hours in states if len(spaces) else ():
         row, sensor = np.divmod(np.flatnonzero(doubtful[run(hours)]), sensors)
         at = sky.isel(time=hours)

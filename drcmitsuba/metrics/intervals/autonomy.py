@@ -236,9 +236,9 @@ def draw_autonomy(
     may = np.zeros_like(sure)
     for state, here in zip(states, closures.possible, strict=True):
         hours, (passes, may_pass) = np.flatnonzero(here), state.classes(threshold, beyond)
-        row = state.row[hours]
-        sure[hours] &= passes[row]
-        may[hours] |= may_pass[row]
+        at, row = run(hours), run(state.row[hours])
+        sure[at] &= passes[row]
+        may[at] |= may_pass[row]
     doubtful = may & ~sure
     tally = BootstrapCounts(needed, needed.count(sure), needed.count(doubtful))
     reach = Reach.of(drawn.replicates, drawn.others if states[0].has_own_error else None)

@@ -111,15 +111,17 @@ class BootstrapCounts:
         at most `HELD` at a time, unless a single sensor has more.
         """
         order = np.argsort(self.needed.month, kind="stable")
-        open_months = self.open_months | self.open_year[:, None]
+        rows, month = run(order), self.needed.month[order]
+        open_months = (self.open_months | self.open_year[:, None]).T
         before = np.cumsum(stamps_passed(doubtful)) // HELD
         for part in np.unique(before):
             first, last = np.searchsorted(before, (part, part + 1))
-            asked = np.ascontiguousarray(doubtful[order, first:last].T)
-            asked &= open_months[first:last, self.needed.month[order]]
-            sensor, place = np.divmod(np.flatnonzero(asked), len(order))
+            asked = doubtful[rows, first:last] & open_months[month, first:last]
+            place, sensor = np.divmod(np.flatnonzero(asked), last - first)
+            # Entries are few: they are sorted sooner than the array is turned.
+            by_sensor = np.argsort(sensor.astype(np.min_scalar_type(last - first)), kind="stable")
             if len(sensor):
-                yield order[place], sensor + first
+                yield order[place[by_sensor]], sensor[by_sensor] + first
 
     def blocks(self, sensor: np.ndarray) -> Iterator[slice]:
         """Cut entries that are sorted by their `sensor` into blocks of whole sensors."""

@@ -143,6 +143,7 @@ def values(
     if errors:
         total = total + errors * luminance(illuminance["total_se"])
         direct = direct + errors * luminance(illuminance["direct_sun_se"])
+        illuminance = illuminance.assign(direct_sun=direct)
     t = rules.metrics
     enough, stamps = thresholds.stamps_by_month(total, "illuminance", t.sda_threshold)
     in_sun, _ = thresholds.stamps_by_month(direct, "direct", t.ase_threshold)
@@ -158,7 +159,7 @@ def values(
         return thresholds.share(reached.sum(axis=0) >= required(whole, whole))
 
     rule = rules.shade
-    counts = sunlit(illuminance.assign(direct_sun=direct), rule)
+    counts = sunlit(illuminance, rule)
     sensors = np.bincount(grid_of_sensors(illuminance))
     indices = rule.indices(rule.closed(counts, sensors), direct["time"])
     closed = (indices > 0)[:, np.array(rule.groups.closable)].mean(axis=1)
