@@ -198,7 +198,7 @@ class Doubts:
 
 
 @dataclass(frozen=True)
-class Layer:
+class MovedEntries:
     """Entries that some draws move, row by row: months of sensors."""
 
     draws: slice
@@ -210,7 +210,9 @@ class Layer:
     """Number of the others that pass, by their means, int, shape (row,)."""
 
     @classmethod
-    def of(cls, by_mean: np.ndarray, first: np.ndarray, moved: np.ndarray, draws: slice) -> Layer:
+    def of(
+        cls, by_mean: np.ndarray, first: np.ndarray, moved: np.ndarray, draws: slice
+    ) -> MovedEntries:
         """Entries that are `moved` (entry,), of rows from their `first` on (row,)."""
         moved = moved.copy()
         moved[first] = True
@@ -287,16 +289,16 @@ def _draw(
         return passed
 
     first = tally.first(sensor, time)
-    layers = [Layer.of(by_mean, first, level <= k, draws) for k, draws in enumerate(NEARER)]
-    layers.append(Layer.of(by_mean, first, np.ones(len(time), bool), FARTHEST))
+    every = [*((level <= k, draws) for k, draws in enumerate(NEARER)), (level >= 0, FARTHEST)]
+    layers = [MovedEntries.of(by_mean, first, moved, draws) for moved, draws in every]
 
     def of_block(block: slice) -> None:
         rows = slice(*np.searchsorted(first, (block.start, block.stop)))
         counts = np.empty((rows.stop - rows.start, DRAWS), np.int32)
         for layer in layers:
             entries, begins, base = layer.at(rows)
-            some = sums(passes(entries, layer.draws), begins)
-            np.add(some, base[:, None], out=counts[:, layer.draws])
+            more = sums(passes(entries, layer.draws), begins)
+            np.add(more, base[:, None], out=counts[:, layer.draws])
 
         def share(some: np.ndarray) -> np.ndarray:
             own = some + block.start

@@ -220,8 +220,11 @@ class LightByElement:
         if len(some) == 1:
             ((light, share),) = some
             places, seen = light.places_at(bins)
-            for array, values in zip(out, light.pairs.statistics, strict=True):
-                array.reshape(-1)[places] = values[seen] if share == 1 else share * values[seen]
+            of_pairs = light.pairs.statistics
+            if share != 1:
+                of_pairs = mean_and_error(np.float32(share) * light.pairs.C)
+            for array, values in zip(out, of_pairs, strict=True):
+                array.reshape(-1)[places] = values[seen]
         elif some:
             parts = [(*light.seen_at(bins), np.float32(share)) for light, share in some]
             seen = np.zeros(out[0].size, bool)
