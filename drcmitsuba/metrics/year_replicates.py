@@ -68,8 +68,8 @@ class HeldReplicates(YearReplicates):
         return out
 
     def of_means(self, weights: np.ndarray, hours: np.ndarray) -> np.ndarray:
-        """Products with the weights."""
-        return np.asarray(self.E[:, run(hours)] @ weights.T)
+        """Products with the weights, in their precision; replicate by replicate, to save memory."""
+        return np.stack([each[run(hours)] @ weights.T for each in self.E])
 
 
 class SummedReplicates(NDArrayOperatorsMixin, YearReplicates):

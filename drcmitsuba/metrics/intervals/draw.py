@@ -142,8 +142,15 @@ def _means(coefficients: Coefficients, sky: xr.Dataset, shut: Closures) -> np.nd
         hours = shut.state == k
         if hours.any():
             C, at = coefficients.states[state], sky.isel(time=np.flatnonzero(hours))
-            alike = np.full((1, C.sizes["sensor"]), 1 / C.sizes["sensor"], np.float32)
-            total += accumulate.of_means(C, at, alike).sum(axis=(1, 2), dtype=float)
+            if "illuminance" in C:
+                alike = np.full((1, C.sizes["sensor"]), 1 / C.sizes["sensor"])
+                total += accumulate.of_means(C, at, alike).sum(axis=(1, 2), dtype=float)
+                continue
+            names = ("replicates", "sun_straight", "sun_straight_se")
+            C = C[[name for name in names if name in C]]
+            C = C.mean("sensor", keepdims=True, skipna=False, dtype=float)
+            E = accumulate.replicates(C, at, np.zeros(1, np.int64))
+            total += E.sum(axis=(1, 2), dtype=float)
     return total / len(shut.state)
 
 

@@ -126,12 +126,16 @@ class KnownYear:
     def of_means(self, weights: np.ndarray) -> dict[int, np.ndarray]:
         """Means over sensors by element, by weights (mean, sensor): (replicate, time, mean) [lx].
 
-        All façades of a case ask for the same ones, those of its spaces, which are kept.
+        All façades of a case ask for the same ones, those of its spaces, which are kept. They are
+        summed in the precision of the weights.
         """
         assert not self.differs
         key = weights.tobytes()
         if key not in self._means:
-            self._means[key] = {e: lit @ weights.T for e, lit in self.lit.items()}
+            self._means[key] = {
+                e: np.stack([each @ weights.T for each in lit]).astype(np.float32)
+                for e, lit in self.lit.items()
+            }
             for old in [*self._means][:-LATEST]:
                 del self._means[old]
         return self._means[key]
