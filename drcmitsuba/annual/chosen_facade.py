@@ -32,6 +32,7 @@ from drcmitsuba.transport.elements.known_year import KnownYear
 from drcmitsuba.transport.elements.simulate import MOST_BYTES
 from drcmitsuba.transport.elements.trace import Points
 from drcmitsuba.transport.elements.weighed_year import WeighedYear
+from drcmitsuba.transport.elements.weights import different_rows
 from drcmitsuba.transport.elements.year_by_bin import YearByBin
 
 
@@ -186,10 +187,7 @@ class ChosenFacade:
         assert self.light is not None
         shares, time = self._shares_of(state), daylight.sky["time"].values
         if (summed := self.light.summed) is not None:
-            E = WeighedReplicates(WeighedYear.constant(summed, shares))
-            known = xr.Variable(("replicate", "time", "sensor"), E)
-            data = xr.Dataset({"illuminance": known}, {"time": time}, self.attributes)
-            return self._with_sensors(data)
+            return self._summed(daylight, WeighedYear.constant(summed, shares))
         channels = [year.illuminance(shares, hours) for year in self.light.years]
         held = _by_channel(channels, time if hours is None else time[hours])
         return self._with_sensors(xr.Dataset({"illuminance": held}, attrs=self.attributes))
@@ -198,6 +196,9 @@ class ChosenFacade:
         self, daylight: Daylight, indices: np.ndarray, progress: Progress = lambda share: None
     ) -> xr.Dataset:
         """`illuminance` [lx] of a year; see `StateSource`."""
+        if self.light is not None and (summed := self.light.summed) is not None:
+            rows, row = different_rows(self.shares(indices), len(indices))
+            return self._summed(daylight, WeighedYear(summed, rows, row))
         return xr.Dataset({"illuminance": self.illuminance(daylight, self.shares(indices))})
 
     def illuminance(self, daylight: Daylight, shares: np.ndarray) -> xr.DataArray:
@@ -208,6 +209,12 @@ class ChosenFacade:
         L = luminances_of(daylight, self.channels[0].labels)
         years = [light.illuminance(L, shares) for light in self.channels]
         return replicates_of(daylight, years, self.channels[0].replicates)
+
+    def _summed(self, daylight: Daylight, year: WeighedYear) -> xr.Dataset:
+        """`illuminance` [lx] that is summed where it is asked for."""
+        E = xr.Variable(("replicate", "time", "sensor"), WeighedReplicates(year))
+        time = {"time": daylight.sky["time"].values}
+        return self._with_sensors(xr.Dataset({"illuminance": E}, time, self.attributes))
 
     def _shares_of(self, state: State) -> np.ndarray:
         """Shares of all elements (element,) in a state of the groups."""

@@ -327,7 +327,11 @@ def _of_states(
     number, part = np.unique(state, return_inverse=True)
     some = [each for i in number.tolist() if (each := states[i]) is not None]
     first, *others = [replicates_of(each) for each in some]
-    if isinstance(first, SummedReplicates) and len(_hours_of(some[0], sky)) == first.shape[1]:
+    summed = all(isinstance(each, SummedReplicates) for each in others)
+    if (
+        summed and isinstance(first, SummedReplicates)
+        and len(_hours_of(some[0], sky)) == first.shape[1]
+    ):  # fmt: skip
         return first.joined(others, part)
     shape = (len(state), first.shape[2])
     mean, error = np.empty(shape, np.float32), np.empty(shape, np.float32)
