@@ -13,6 +13,7 @@ from drcmitsuba.annual.choice import ChosenFills
 from drcmitsuba.annual.moving_groups import MovingGroups, moving_groups
 from drcmitsuba.annual.simulation import joined_channels
 from drcmitsuba.annual.summed_year import luminances_of, replicates_of
+from drcmitsuba.annual.weighed_replicates import WeighedReplicates
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, GroupStates, State
@@ -30,6 +31,8 @@ from drcmitsuba.transport.elements import LightByElement, compute
 from drcmitsuba.transport.elements.known_year import KnownYear
 from drcmitsuba.transport.elements.simulate import MOST_BYTES
 from drcmitsuba.transport.elements.trace import Points
+from drcmitsuba.transport.elements.weighed_year import WeighedYear
+from drcmitsuba.transport.elements.weights import different_rows
 from drcmitsuba.transport.elements.year_by_bin import YearByBin
 
 
@@ -67,6 +70,14 @@ class KnownLight:
         light, L = self.years[0].light, self.years[0].L
         suns = np.flatnonzero(L[:, light.sky_bins :].getnnz(axis=0))
         return np.concatenate([np.arange(light.sky_bins), light.sky_bins + suns])
+
+    @property
+    def summed(self) -> KnownYear | None:
+        """Year by element of which E is a plain sum; None in colour, and where G_m differs."""
+        year, *others = self.years
+        if isinstance(year, KnownYear) and not (others or year.differs):
+            return year
+        return None
 
     @classmethod
     def of(cls, channels: tuple[LightByElement, ...], daylight: Daylight) -> KnownLight | None:
@@ -175,14 +186,19 @@ class ChosenFacade:
         """`illuminance` [lx] of a state at all or some time stamps, where the `light` is known."""
         assert self.light is not None
         shares, time = self._shares_of(state), daylight.sky["time"].values
+        if (summed := self.light.summed) is not None:
+            return self._summed(daylight, WeighedYear.constant(summed, shares))
         channels = [year.illuminance(shares, hours) for year in self.light.years]
-        E = _by_channel(channels, time if hours is None else time[hours])
-        return self._with_sensors(xr.Dataset({"illuminance": E}, attrs=self.attributes))
+        held = _by_channel(channels, time if hours is None else time[hours])
+        return self._with_sensors(xr.Dataset({"illuminance": held}, attrs=self.attributes))
 
     def year(
         self, daylight: Daylight, indices: np.ndarray, progress: Progress = lambda share: None
     ) -> xr.Dataset:
         """`illuminance` [lx] of a year; see `StateSource`."""
+        if self.light is not None and (summed := self.light.summed) is not None:
+            rows, row = different_rows(self.shares(indices), len(indices))
+            return self._summed(daylight, WeighedYear(summed, rows, row))
         return xr.Dataset({"illuminance": self.illuminance(daylight, self.shares(indices))})
 
     def illuminance(self, daylight: Daylight, shares: np.ndarray) -> xr.DataArray:
@@ -193,6 +209,12 @@ class ChosenFacade:
         L = luminances_of(daylight, self.channels[0].labels)
         years = [light.illuminance(L, shares) for light in self.channels]
         return replicates_of(daylight, years, self.channels[0].replicates)
+
+    def _summed(self, daylight: Daylight, year: WeighedYear) -> xr.Dataset:
+        """`illuminance` [lx] that is summed where it is asked for."""
+        E = xr.Variable(("replicate", "time", "sensor"), WeighedReplicates(year))
+        time = {"time": daylight.sky["time"].values}
+        return self._with_sensors(xr.Dataset({"illuminance": E}, time, self.attributes))
 
     def _shares_of(self, state: State) -> np.ndarray:
         """Shares of all elements (element,) in a state of the groups."""

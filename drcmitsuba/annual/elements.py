@@ -102,7 +102,7 @@ class Elements:
         run = replace(self.run, seconds=dict(self.run.seconds), ray_counter=Counter())
         with one_blas_thread():
             facade, light = self._facade(choice or {}, drawn or {})
-        return recombined(facade, self.planned, light, run, self._notes)
+        return recombined(facade, self._summed, light, run, self._notes)
 
     def illuminance(self, choice: Choice | None = None) -> xr.Dataset:
         """Illuminance of a façade whose openings stay as drawn where the choice names none.
@@ -196,6 +196,11 @@ class Elements:
     def _marked(self) -> dict[str, Any]:
         """Attributes of C."""
         return attributes(self.case, self.daylight, self.planned.scope)
+
+    @cached_property
+    def _summed(self) -> Plan:
+        """Plan that says what a sum over elements leaves out."""
+        return self.planned.summed(always=True)
 
     @cached_property
     def _notes(self) -> list[str]:

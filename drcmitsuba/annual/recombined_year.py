@@ -57,9 +57,9 @@ def recombined(
     with one_blas_thread():
         with run.timed(stage):
             year, coefficients = recombined_year(facade, case, daylight, run)
-            evaluated = evaluate_metrics(
-                case, year.daylight, year.coefficients, year.direct, year.shade
-            )
+            is_known = "illuminance" in year.coefficients.open
+            light = year.daylight.times() if is_known else year.daylight
+            evaluated = evaluate_metrics(case, light, year.coefficients, year.direct, year.shade)
         notes = [*remarks, *left_out(case)]
         result = summed_up(planned.summed(always=True), coefficients, evaluated, run, notes)
     E = with_open_state(result.illuminance, facade, year.daylight)

@@ -20,13 +20,17 @@ from drcmitsuba.metrics.bin_luminances import (
     sun_luminances,
 )
 from drcmitsuba.metrics.source_sums import source_sums, sums_at
+from drcmitsuba.metrics.year_replicates import SummedReplicates, replicates_of
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.pieces import pieces, run
+from drcmitsuba.runtime.pieces import pieces
 from drcmitsuba.runtime.threads import in_threads
-from drcmitsuba.schema import describe, mean_and_error
+from drcmitsuba.schema import describe
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
+
+LINEAR = ("replicates", "sun_straight", "sun_straight_se")
+"""Variables of C that are linear in the sensors."""
 
 
 def _refuse_gaps(lost: np.ndarray, sky: xr.Dataset) -> None:
@@ -50,13 +54,16 @@ def _dataset(sky: xr.Dataset, arrays: dict[str, np.ndarray]) -> xr.Dataset:
     return xr.Dataset({name: (("time", "sensor"), a) for name, a in arrays.items()}, coords)
 
 
-def _by_suns(suns: csr_matrix, C: np.ndarray) -> np.ndarray:
-    """Illuminance (time, sensor) by suns (time, bin), of coefficients (sensor, bin)."""
+def _by_suns(suns: csr_matrix, C: np.ndarray, is_lit: np.ndarray) -> np.ndarray:
+    """Illuminance (time, sensor) by suns (time, bin), of coefficients (sensor, bin).
+
+    `is_lit` tells the bins that give any light, bool, shape (bin,): straight light comes from few.
+    """
     bins = np.diff(suns.indptr)
     if (bins > 1).any():
         return np.asarray(suns @ C.T)
     E = np.zeros((len(bins), len(C)), np.result_type(suns, C))
-    kept = np.flatnonzero(np.any(C, axis=0)[suns.indices])  # straight light comes from few suns
+    kept = np.flatnonzero(is_lit[suns.indices])
     shines, of_hour, L = np.flatnonzero(bins)[kept], suns.indices[kept], suns.data[kept, None]
 
     def some(here: slice) -> None:  # takes half as long as a product
@@ -87,8 +94,9 @@ def direct_sun(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
     out = {}
     for name in ("straight", "straight_se"):
         C = coefficients[name].values
-        _refuse_gaps(suns @ np.isnan(C.sum(axis=0)), sky)
-        out[name.replace("straight", "direct_sun")] = _by_suns(suns, C)
+        whole = C.sum(axis=0)  # of numbers that are not below 0
+        _refuse_gaps(suns @ np.isnan(whole), sky)
+        out[name.replace("straight", "direct_sun")] = _by_suns(suns, C, whole != 0)
     return describe(_dataset(sky, out))
 
 
@@ -150,8 +158,7 @@ def by_source(
         A bin of the sky has no coefficients, or they are NaN.
     """
     if "illuminance" in coefficients:
-        known = coefficients["illuminance"].transpose("replicate", "time", "sensor").values
-        mean, error = _by_hours(known, _hours_of(coefficients, sky))
+        mean, error = replicates_of(coefficients).statistics(_hours_of(coefficients, sky))
         return _dataset(sky, {"total": mean, "total_se": error})
     patches = positions_of(coefficients, sky["bin"].values, SAME_SUBDIVISION)
     suns = sun_luminances(coefficients, sky)
@@ -162,18 +169,6 @@ def by_source(
         straight = direct_sun(coefficients, sky) if direct is None else direct
         _add_straight(out, coefficients, sky, straight)
     return _dataset(sky, out)
-
-
-def _by_hours(known: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and standard error of E (replicate, hour, sensor) at hours, (time, sensor) each."""
-    shape = (len(at), known.shape[2])
-    mean, error = np.empty(shape, known.dtype), np.empty(shape, known.dtype)
-
-    def some(here: slice) -> None:
-        mean[here], error[here] = mean_and_error(known[:, run(at[here])])
-
-    in_threads(some, pieces(*shape))
-    return mean, error
 
 
 def _hours_of(coefficients: xr.Dataset, sky: xr.Dataset) -> np.ndarray:
@@ -223,19 +218,32 @@ def replicates(coefficients: xr.Dataset, sky: xr.Dataset, sensors: np.ndarray) -
     return total
 
 
-def sums(coefficients: xr.Dataset, sky: xr.Dataset) -> np.ndarray:
-    """Sum of known illuminance over time stamps and sensors, by each replicate [lx], (replicate,).
+def of_means(coefficients: xr.Dataset, sky: xr.Dataset, weights: np.ndarray) -> np.ndarray:
+    """Total illuminance E of means over sensors, by each replicate of C.
 
-    `coefficients` hold `illuminance` of all time stamps of the sky.
+    Arguments and errors are those of `by_source`, and `weights` (mean, sensor) those of the
+    sensors.
+
+    Returns
+    -------
+    np.ndarray, shape (replicate, time, mean)
+        E [lx].
     """
-    known = coefficients["illuminance"].transpose("replicate", "time", "sensor").values
-    at, out = _hours_of(coefficients, sky), np.empty(len(known))
+    if "illuminance" in coefficients:
+        hours = _hours_of(coefficients, sky)
+        return replicates_of(coefficients).of_means(weights, hours)
+    return replicates(_of_means(coefficients, weights), sky, np.arange(len(weights)))
 
-    def of_replicate(r: int) -> None:
-        out[r] = known[r].sum(axis=1)[at].sum(dtype=float)
 
-    in_threads(of_replicate, range(len(known)))
-    return out
+def _of_means(C: xr.Dataset, weights: np.ndarray) -> xr.Dataset:
+    """C of means over sensors, each of which stands for a sensor."""
+    arrays = {}
+    for name in (name for name in LINEAR if name in C):
+        last = [dim for dim in C[name].dims if dim not in ("replicate", "sensor")]
+        array = C[name].transpose(..., "sensor", *last)
+        arrays[name] = (array.dims, weights @ array.values)
+    kept = {name: c for name, c in C.coords.items() if "sensor" not in c.dims}
+    return xr.Dataset(arrays, kept, C.attrs)
 
 
 def replicates_at(
@@ -251,11 +259,7 @@ def replicates_at(
         E [lx].
     """
     if "illuminance" in coefficients:
-        known = coefficients["illuminance"].transpose("replicate", "time", "sensor").values
-        pair = _hours_of(coefficients, sky)[time] * known.shape[2] + sensor
-        E = np.empty((len(known), len(pair)), known.dtype)
-        in_threads(lambda r: np.take(known[r], pair, out=E[r], mode="clip"), range(len(known)))
-        return E
+        return replicates_of(coefficients).at(_hours_of(coefficients, sky)[time], sensor)
     patches = positions_of(coefficients, sky["bin"].values, SAME_SUBDIVISION)
     suns, L = sun_luminances(coefficients, sky), sky["sky"].values.astype(np.float32)
     total = sums_at(coefficients["replicates"].values, patches, L, suns, time, sensor)
@@ -294,37 +298,54 @@ def illuminance(
         Coefficients are missing for a bin, or for the state of a time stamp.
     """
     direct = direct_sun(is_open, sky) if direct is None else direct
+    states = [is_open, *others]
+    if missing := np.isin(state, [i for i, each in enumerate(states) if each is None]).sum():
+        raise InputError(
+            "coefficients", "state", f"a state is missing; {missing} time stamps take it",
+            "compute the coefficients of this state, or evaluate the case",
+        )  # fmt: skip
     if "illuminance" in is_open:
-        like = direct["direct_sun"].variable
-        empty = {n: like.copy(data=np.empty_like(like.values)) for n in ("total", "total_se")}
-        out, states = direct.assign(empty), list(enumerate([is_open, *others]))
+        total = dict(zip(("total", "total_se"), _of_states(states, sky, state), strict=True))
+        out = direct.assign({name: (("time", "sensor"), E) for name, E in total.items()})
     else:
         parts = by_source(is_open, sky, direct)
-        out = direct.assign(
-            {
-                f"{name}_open{suffix}": parts[name + suffix].variable
-                for name in ("total", "sky", "sun")
-                for suffix in ("", "_se")
-            }
-            | {name: parts[name].variable.copy() for name in ("total", "total_se")}
-        )
-        states = list(enumerate(others, 1))
-    for i, other in states:
-        here = np.flatnonzero(state == i)
-        if not len(here):
-            continue
-        if other is None:
-            raise InputError(
-                "coefficients", "state", f"a state is missing; {len(here)} time stamps take it",
-                "compute the coefficients of this state, or evaluate the case",
-            )  # fmt: skip
-        behind = by_source(other, sky.isel(time=here))
-        if len(here) == len(state):
-            out = out.assign({name: behind[name].variable for name in ("total", "total_se")})
-            break
-        for suffix in ("", "_se"):
-            out["total" + suffix].values[here] = behind["total" + suffix].values
+        names = ("total", "sky", "sun")
+        whole = {f"{n}_open{end}": parts[n + end].variable for n in names for end in ("", "_se")}
+        whole |= {name: parts[name].variable.copy() for name in ("total", "total_se")}
+        out = direct.assign(whole)
+        _put_in(out["total"].values, out["total_se"].values, [None, *others], sky, state)
     at = {name: c for name, c in is_open.coords.items() if c.dims == ("sensor",)}
     out = out.assign_coords(at)
     out = out.assign_coords(shade_closed=("time", state > 0))
     return describe(out)
+
+
+def _of_states(
+    states: Sequence[xr.Dataset | None], sky: xr.Dataset, state: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and standard error of known E, each time stamp with its state, (time, sensor) [lx]."""
+    number, part = np.unique(state, return_inverse=True)
+    some = [each for i in number.tolist() if (each := states[i]) is not None]
+    first, *others = [replicates_of(each) for each in some]
+    summed = all(isinstance(each, SummedReplicates) for each in others)
+    if (
+        summed and isinstance(first, SummedReplicates)
+        and len(_hours_of(some[0], sky)) == first.shape[1]
+    ):  # fmt: skip
+        return first.joined(others, part)
+    shape = (len(state), first.shape[2])
+    mean, error = np.empty(shape, np.float32), np.empty(shape, np.float32)
+    _put_in(mean, error, states, sky, state)
+    return mean, error
+
+
+def _put_in(
+    mean: np.ndarray, error: np.ndarray, states: Sequence[xr.Dataset | None], sky: xr.Dataset,
+    state: np.ndarray,
+) -> None:  # fmt: skip
+    """Fill in E (time, sensor) of the time stamps in each of some states."""
+    for i, each in enumerate(states):
+        here = np.flatnonzero(state == i)
+        if each is not None and len(here):
+            E = by_source(each, sky.isel(time=here))
+            mean[here], error[here] = E["total"].values, E["total_se"].values

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
@@ -19,4 +19,4 @@ class Interval:
 
     def to_dict(self) -> dict[str, float]:
         """Return `{"value", "low", "high"}` as in `metrics.json`."""
-        return asdict(self)
+        return {"value": self.value, "low": self.low, "high": self.high}

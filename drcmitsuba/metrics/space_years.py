@@ -28,10 +28,9 @@ from drcmitsuba.metrics.space_tasks import at_target, in_use
 from drcmitsuba.metrics.spaces import SensorsOfSpace
 from drcmitsuba.metrics.thresholds import stamps_passed
 from drcmitsuba.runtime.pieces import pieces, run
+from drcmitsuba.runtime.threads import in_threads
 from drcmitsuba.schema import luminance
 
-SUMMED = ("replicates", "sun_straight", "sun_straight_se", "illuminance")
-"""Variables of C that are linear in the sensors."""
 ENTRIES = 1 << 20
 """Number of entries of E whose replicates are held at once."""
 
@@ -70,8 +69,7 @@ class SpaceYears:
             row[space.sensors] = space.shares
         for of_state, hours in states if len(spaces) else ():
             at = sky.isel(time=hours)
-            E = accumulate.replicates(_summed(of_state, shares), at, np.arange(len(spaces)))
-            daylight[:, hours] = moved(E)
+            daylight[:, hours] = moved(accumulate.of_means(of_state, at, shares))
         autonomy = _autonomy(states, sky, illuminance, spaces, rules)
         return cls(autonomy, daylight, interval_of_moved)
 
@@ -139,18 +137,6 @@ def _ends(values: np.ndarray) -> Interval:
     return Interval(float(values[0]), float(values.min()), float(values.max()))
 
 
-def _summed(C: xr.Dataset, shares: np.ndarray) -> xr.Dataset:
-    """C of means over sensors: a row of `shares` (mean, sensor) stands for a sensor."""
-    arrays = {}
-    for name in SUMMED:
-        if name in C:
-            last = [dim for dim in C[name].dims if dim not in ("replicate", "sensor")]
-            array = C[name].transpose(..., "sensor", *last)
-            arrays[name] = (array.dims, shares @ array.values)
-    kept = {name: c for name, c in C.coords.items() if "sensor" not in c.dims}
-    return xr.Dataset(arrays, kept, C.attrs)
-
-
 def _autonomy(
     states: Sequence[tuple[xr.Dataset, np.ndarray]], sky: xr.Dataset, illuminance: xr.Dataset,
     spaces: Sequence[SensorsOfSpace], rules: Rules,
@@ -168,18 +154,24 @@ def _autonomy(
         limit[space.sensors] = space.target or rules.metrics.sda_threshold
         weight[space.sensors] = 100 * space.shares / wanted[:, k].sum()
         space_of[space.sensors] = k
-    every, enough = wanted.all(), np.zeros(sensors, np.int64)
+    every, parts = wanted.all(), pieces(*E.shape) if len(spaces) else []
+    enough = np.zeros((max(1, len(parts)), sensors), np.int32)
     # No |E_r − Ē| / √n is larger than √(n − 1) standard errors.
     beyond, doubtful = np.float32(1.001 * np.sqrt(count - 1)), np.empty(E.shape, bool)
-    for here in pieces(*E.shape) if len(spaces) else ():
-        passed, own = limit <= E[here], doubtful[here]
-        np.less_equal(np.abs(E[here] - limit), beyond * error[here], out=own)
+
+    def of_part(part: int) -> None:
+        here = parts[part]
+        above = E[here] - limit
+        passed, own = above >= 0, doubtful[here]
+        np.less_equal(np.abs(above, out=above), beyond * error[here], out=own)
         if not every:
             of_sensor = wanted[here, space_of]
             passed &= of_sensor
             own &= of_sensor
-        enough += stamps_passed(passed)
-    out = np.tile(np.bincount(space_of, weight * enough, len(spaces)), (count + 1, 1))
+        enough[part] = stamps_passed(passed)
+
+    in_threads(of_part, range(len(parts)))
+    out = np.tile(np.bincount(space_of, weight * enough.sum(axis=0), len(spaces)), (count + 1, 1))
     for C, hours in states if len(spaces) else ():
         row, sensor = np.divmod(np.flatnonzero(doubtful[run(hours)]), sensors)
         at = sky.isel(time=hours)

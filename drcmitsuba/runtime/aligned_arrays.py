@@ -48,3 +48,12 @@ def _aligned(
     memory = made(size + ALIGNMENT, np.uint8)
     start = -memory.ctypes.data % ALIGNMENT
     return memory[start : start + size].view(dtype).reshape(shape)
+
+
+def aligned_rows(shape: Sequence[int]) -> np.ndarray:
+    """Zeros in single precision, each row of which, along the first dim, is aligned."""
+    rows, size = shape[0], math.prod(shape[1:])
+    width = -(-size // (ALIGNMENT // 4)) * (ALIGNMENT // 4)
+    memory = aligned_empty((rows, width), np.float32)
+    memory[:] = 0
+    return memory[:, :size].reshape(shape)

@@ -69,6 +69,10 @@ class Daylight:
         """Indices of its time stamps among those of `every`, int, shape (time,)."""
         return np.searchsorted(self.every.sky["time"].values, self.sky["time"].values)
 
+    def times(self) -> Daylight:
+        """Its time stamps without luminances, for what knows illuminances."""
+        return replace(self, sky=self.sky.drop_vars([*self.sky.data_vars, "sun_bin"]))
+
     def alone(self) -> Daylight:
         """Daylight without the year; its suns are still those of the year."""
         return replace(self, year=None)

@@ -217,8 +217,8 @@ def _drawn_means(year: StandardYear, limit: float) -> np.ndarray:
         space, time = np.nonzero((may & ~sure).T)
         doubts = state.doubts(time, space, limit, drawn)
         for start in range(0, len(time), ENTRIES):
-            few = np.arange(start, min(start + ENTRIES, len(time)))
-            np.add.at(out, space[few], doubts.passes(few))
+            few = slice(start, start + ENTRIES)
+            np.add.at(out, space[few], doubts.some(few).passes())
     return out
 
 

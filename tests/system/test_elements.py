@@ -24,6 +24,14 @@ def case_of(folder, *changes, more=""):
 
 
 @pytest.fixture(scope="module")
+def clear(tmp_path_factory):
+    """Two windows of glass, or holes, which send nothing back into the room."""
+    east = "[facade.east]\n" + STRIPS + "\n"
+    case = case_of(tmp_path_factory.mktemp("clear"), more=east)
+    return drcmitsuba.elements(case, ["hole"])
+
+
+@pytest.fixture(scope="module")
 def light(tmp_path_factory):
     """A south window with a shade, and a translucent one to the east."""
     case = case_of(tmp_path_factory.mktemp("case"), more=EAST + OPAL)
@@ -122,6 +130,33 @@ def test_known_years_give_what_coefficients_give(light, choice):
         assert ours.metrics.get(name) == theirs.metrics.get(name), name
     assert isinstance(ours.by_state, LaterCoefficients)
     xr.testing.assert_identical(ours.coefficients, theirs.coefficients)
+
+
+def mixtures(light, opening):
+    """A share of the hole for every hour, one of 21."""
+    time, first = light.daylight.sky["time"], light.fills[opening][0]
+    share = np.random.default_rng(len(opening)).integers(0, 21, len(time)) / 20
+    return xr.DataArray(
+        np.stack([share, 1 - share], axis=1), {"time": time, "fill": ["hole", first]},
+        ("time", "fill"),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("hourly", [0, 1, 2])
+def test_plain_sums_of_known_years_give_what_coefficients_give(clear, hourly):
+    """Windows that send nothing back: with their shades, and with shares of one or two by the hour.
+
+    Two make more states of the façade than are told apart.
+    """
+    assert clear._light.summed is not None
+    choice = {opening: mixtures(clear, opening) for opening in clear.openings[:hourly]}
+    ours = clear.evaluate(choice)
+    without = dataclasses.replace(clear)
+    vars(without)["_light"] = None
+    theirs = without.evaluate(choice)
+    same_light(ours.illuminance, theirs.illuminance)
+    for name in ("shade_closed", "undecided", "groups", "sDA", "ASE", "msDA", "MSE"):
+        assert ours.metrics.get(name) == theirs.metrics.get(name), name
 
 
 def same_light(ours, theirs):

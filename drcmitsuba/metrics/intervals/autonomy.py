@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from threading import Lock
 from typing import NamedTuple
 
@@ -31,13 +32,17 @@ from drcmitsuba.metrics.intervals.bootstrap_counts import (
 from drcmitsuba.metrics.intervals.facade_draws import Closures
 from drcmitsuba.metrics.intervals.reach import FEWER, Reach
 from drcmitsuba.metrics.intervals.rules import BEYOND, DRAWS, t_factor
-from drcmitsuba.runtime.pieces import pieces
+from drcmitsuba.runtime.pieces import pieces, run
 from drcmitsuba.runtime.threads import in_threads, one_blas_thread
 
 GROUPS = 64
 """Number of groups of sensors; errors outside the replicates are independent between groups."""
-ENTRIES = 128
+ENTRIES = 256
 """Number of entries drawn at once: few enough for the cache and for a single thread."""
+FARTHEST = slice(0, FEWER[-1])
+"""Draws that are made of all entries: to choose among these takes as long."""
+NEARER = tuple(slice(fewer, draws) for draws, fewer in pairwise(FEWER))
+"""Draws that are made of entries of the same level and of those before."""
 
 
 class Multipliers(NamedTuple):
@@ -164,25 +169,63 @@ class Doubts:
         squares = np.einsum("er,er->e", self.off[:, :n], self.off[:, :n]) / (n * (n - 1))
         return np.sqrt(squares if self.own is None else squares + self.own**2)
 
-    def passes(self, some: np.ndarray, draws: int = DRAWS) -> np.ndarray:
-        """Whether E* ≥ threshold in the first draws of some entries, bool, shape (entry, draw)."""
-        passed, together = np.empty((len(some), draws), bool), ENTRIES * DRAWS // draws
-        held = np.empty((min(together, len(some)), draws), np.float32)
-        for start in range(0, len(some), together):
-            few = some[start : start + together]
-            E = self.above(few, draws, held[: len(few)])
-            np.greater_equal(E, 0, out=passed[start : start + together])
+    def some(self, chosen: np.ndarray | slice) -> Doubts:
+        """Some of the entries."""
+        if isinstance(chosen, np.ndarray):
+            chosen = run(chosen)
+        off = self.off[chosen] if isinstance(chosen, slice) else self.off.take(chosen, axis=0)
+        if self.own is None:
+            return Doubts(off, None, self.group, self.drawn)
+        return Doubts(off, self.own[chosen], self.group[chosen], self.drawn)
+
+    def passes(self, draws: slice = slice(0, DRAWS)) -> np.ndarray:
+        """Whether E* ≥ threshold in some draws, bool, shape (entry, draw)."""
+        width = len(range(DRAWS)[draws])
+        passed, together = np.empty((len(self.off), width), bool), ENTRIES * DRAWS // width
+        held = np.empty((min(together, len(self.off)), width), np.float32)
+        for start in range(0, len(self.off), together):
+            few = slice(start, start + together)
+            E = self.some(few).above(draws, held[: len(self.off[few])])
+            np.greater_equal(E, 0, out=passed[few])
         return passed
 
-    def above(
-        self, some: np.ndarray | slice = slice(None), draws: int = DRAWS,
-        out: np.ndarray | None = None,
-    ) -> np.ndarray:  # fmt: skip
-        """E* less the threshold in the first draws of some entries [lx], shape (entry, draw)."""
-        E = np.matmul(self.off[some], self.drawn.weights[:, :draws], out=out)
+    def above(self, draws: slice = slice(0, DRAWS), out: np.ndarray | None = None) -> np.ndarray:
+        """E* less the threshold in some draws [lx], shape (entry, draw)."""
+        E = np.matmul(self.off, self.drawn.weights[:, draws], out=out)
         if self.own is not None:
-            E += self.own[some, None] * self.drawn.others[self.group[some], :draws]
+            E += self.own[:, None] * self.drawn.others[self.group, draws]
         return np.asarray(E)
+
+
+@dataclass(frozen=True)
+class MovedEntries:
+    """Entries that some draws move, row by row: months of sensors."""
+
+    draws: slice
+    entries: np.ndarray
+    """The first of every row is among them, so that none is empty, int, shape (entry,)."""
+    begins: np.ndarray
+    """Place of each row's first one among them, and their number, int, shape (row + 1,)."""
+    base: np.ndarray
+    """Number of the others that pass, by their means, int, shape (row,)."""
+
+    @classmethod
+    def of(
+        cls, by_mean: np.ndarray, first: np.ndarray, moved: np.ndarray, draws: slice
+    ) -> MovedEntries:
+        """Entries that are `moved` (entry,), of rows from their `first` on (row,)."""
+        moved = moved.copy()
+        moved[first] = True
+        entries = np.flatnonzero(moved)
+        begins = np.searchsorted(entries, first)
+        base = np.add.reduceat(by_mean & ~moved, first, dtype=np.int32)
+        return cls(draws, entries, np.append(begins, len(entries)), base)
+
+    def at(self, rows: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Entries, the first ones and the base of some rows."""
+        begins = self.begins[rows.start : rows.stop + 1]
+        entries = self.entries[begins[0] : begins[-1]]
+        return entries, begins[:-1] - begins[0], self.base[rows]
 
 
 def draw_autonomy(
@@ -195,9 +238,9 @@ def draw_autonomy(
     may = np.zeros_like(sure)
     for state, here in zip(states, closures.possible, strict=True):
         hours, (passes, may_pass) = np.flatnonzero(here), state.classes(threshold, beyond)
-        row = state.row[hours]
-        sure[hours] &= passes[row]
-        may[hours] |= may_pass[row]
+        at, row = run(hours), run(state.row[hours])
+        sure[at] &= passes[row]
+        may[at] |= may_pass[row]
     doubtful = may & ~sure
     tally = BootstrapCounts(needed, needed.count(sure), needed.count(doubtful))
     reach = Reach.of(drawn.replicates, drawn.others if states[0].has_own_error else None)
@@ -220,8 +263,8 @@ def _draw(
     def doubts(k: int, entries: np.ndarray) -> tuple[np.ndarray, Doubts]:
         return entries, states[k].doubts(time[entries], sensor[entries], threshold, drawn)
 
-    state = closures.state[time]
-    whole = Doubts.joined([doubts(k, np.flatnonzero(state == k)) for k in np.unique(state)])
+    state, which = closures.state[time], np.unique(closures.state)
+    whole = Doubts.joined([doubts(k, np.flatnonzero(state == k)) for k in which.tolist()])
     hour = np.full(len(closures.state), -1)
     hour[closures.hours] = np.arange(len(closures.hours))
     hour = hour[time]
@@ -232,42 +275,42 @@ def _draw(
     level = tally.levels(sensor, time, by_mean, near, len(FEWER) - 1)
     lock = Lock()
 
-    def passes(some: np.ndarray, draws: int) -> np.ndarray:
-        """Whether entries, in rising order, pass in the first draws (entry, draw)."""
-        passed = whole.passes(some, draws)
+    def passes(some: np.ndarray, draws: slice) -> np.ndarray:
+        """Whether entries, in rising order, pass in some draws (entry, draw)."""
+        passed = whole.some(some).passes(draws)
+        if not varying:
+            return passed
         passed[hour[some] >= 0] = False
         for k, entries, own in varying:
             places = np.minimum(np.searchsorted(some, entries), len(some) - 1)
             here = np.flatnonzero(some[places] == entries)
-            in_draw = closures.drawn[hour[entries[here]], :draws] == k
-            passed[places[here]] |= own.passes(here, draws) & in_draw
+            in_draw = closures.drawn[hour[entries[here]], draws] == k
+            passed[places[here]] |= own.some(here).passes(draws) & in_draw
         return passed
 
+    first = tally.first(sensor, time)
+    every = [*((level <= k, draws) for k, draws in enumerate(NEARER)), (level >= 0, FARTHEST)]
+    layers = [MovedEntries.of(by_mean, first, moved, draws) for moved, draws in every]
+
     def of_block(block: slice) -> None:
-        first = tally.first(sensor[block], time[block])
-        base = np.add.reduceat(by_mean[block], first, dtype=np.int32)
-        counts = np.repeat(base[:, None], DRAWS, axis=1)
-        for k, draws in enumerate(FEWER[:-1]):
-            some = np.flatnonzero(level[block] == k)
-            row = np.searchsorted(first, some, side="right") - 1
-            begins = np.flatnonzero(np.diff(row, prepend=-1))
-            if len(some):
-                own = some + block.start
-                more = sums(passes(own, draws), begins)
-                more -= np.add.reduceat(by_mean[own], begins, dtype=np.int32)[:, None]
-                counts[row[begins], :draws] += more
+        rows = slice(*np.searchsorted(first, (block.start, block.stop)))
+        counts = np.empty((rows.stop - rows.start, DRAWS), np.int32)
+        for layer in layers:
+            entries, begins, base = layer.at(rows)
+            more = sums(passes(entries, layer.draws), begins)
+            np.add(more, base[:, None], out=counts[:, layer.draws])
 
         def share(some: np.ndarray) -> np.ndarray:
             own = some + block.start
             count = by_mean[own] * DRAWS
-            for k, draws in enumerate(FEWER[:-1]):
+            for k, draws in enumerate(FEWER):
                 here = np.flatnonzero(near[own] == k)
                 if len(here):
-                    passed = draws_passed(passes(own[here], draws))
+                    passed = draws_passed(passes(own[here], slice(0, draws)))
                     count[here] = passed + by_mean[own[here]] * (DRAWS - draws)
             return np.asarray(count / DRAWS)
 
-        counted = tally.summed(sensor[block], time[block], first, counts, share)
+        counted = tally.summed(sensor[block], time[block], first[rows] - block.start, counts, share)
         with lock:
             tally.add(counted)
 

@@ -61,7 +61,7 @@ class CountedBlock(NamedTuple):
     """Whether their years pass, bool, shape (sensor, draw)."""
     passing: np.ndarray
     """Share of the draws in which they do, shape (sensor,)."""
-    doubtful: np.ndarray
+    doubtful: Callable[[], np.ndarray]
     """Time stamps in doubt of those that may pass or fail, each as often as it is, shape (any,)."""
 
 
@@ -78,11 +78,22 @@ class BootstrapCounts:
         np.add.at(counts, needed.grid, passes)
         self.counts = np.repeat(counts[..., None], DRAWS, axis=2)
         self.passing = (of_year >= needed.yearly).astype(float)
-        self.hours = np.zeros(len(needed.month), np.int64)
+        self._hours = np.zeros(len(needed.month), np.int64)
+        self._doubtful: list[Callable[[], np.ndarray]] = []
         self.open_months = (sure < needed.monthly) & (sure + doubtful >= needed.monthly)
         self.open_year = (of_year < needed.yearly) & (
             of_year + doubtful.sum(axis=1) >= needed.yearly
         )
+
+    @property
+    def hours(self) -> np.ndarray:
+        """Number of the undecided sensors at which an hour is in doubt, int, shape (time,).
+
+        Adaptive sampling alone asks for it: it is counted then.
+        """
+        while self._doubtful:
+            np.add.at(self._hours, self._doubtful.pop()(), 1)
+        return self._hours
 
     def chosen(self, time: np.ndarray, sensor: np.ndarray) -> np.ndarray:
         """Those of entries in doubt that have to be drawn, indices, sorted as `wanted` sorts them.
@@ -100,15 +111,17 @@ class BootstrapCounts:
         at most `HELD` at a time, unless a single sensor has more.
         """
         order = np.argsort(self.needed.month, kind="stable")
-        open_months = self.open_months | self.open_year[:, None]
+        rows, month = run(order), self.needed.month[order]
+        open_months = (self.open_months | self.open_year[:, None]).T
         before = np.cumsum(stamps_passed(doubtful)) // HELD
         for part in np.unique(before):
             first, last = np.searchsorted(before, (part, part + 1))
-            asked = np.ascontiguousarray(doubtful[order, first:last].T)
-            asked &= open_months[first:last, self.needed.month[order]]
-            sensor, place = np.divmod(np.flatnonzero(asked), len(order))
+            asked = doubtful[rows, first:last] & open_months[month, first:last]
+            place, sensor = np.divmod(np.flatnonzero(asked), last - first)
+            # Entries are few: they are sorted sooner than the array is turned.
+            by_sensor = np.argsort(sensor.astype(np.min_scalar_type(last - first)), kind="stable")
             if len(sensor):
-                yield order[place], sensor + first
+                yield order[place[by_sensor]], sensor[by_sensor] + first
 
     def blocks(self, sensor: np.ndarray) -> Iterator[slice]:
         """Cut entries that are sorted by their `sensor` into blocks of whole sensors."""
@@ -125,10 +138,8 @@ class BootstrapCounts:
         """Count the draws (entry, draw) of some sensors' wanted entries, as `wanted` sorts them."""
         first = self.first(sensor, time)
 
-        def share(some: np.ndarray) -> np.ndarray:
-            return draws_passed(passed[some]) / passed.shape[1]
-
-        return self.summed(sensor, time, first, sums(passed, first), share)
+        q = draws_passed(passed) / passed.shape[1]
+        return self.summed(sensor, time, first, sums(passed, first), lambda some: q[some])
 
     def first(self, sensor: np.ndarray, time: np.ndarray) -> np.ndarray:
         """First entry of every row, a month of a sensor, among wanted entries, int, (row,)."""
@@ -186,9 +197,9 @@ class BootstrapCounts:
     ) -> CountedBlock:  # fmt: skip
         """Count some sensors' wanted entries from those that pass in every row, (row, draw).
 
-        `share` gives the share of the draws in which some entries pass (entry,). Open months and
-        years, which began as not passed, have all of their entries there. This changes nothing, so
-        that threads may count blocks side by side.
+        `share` gives the share of the draws in which some entries pass (entry,), where it is asked
+        for. Open months and years, which began as not passed, have all of their entries there. This
+        changes nothing, so that threads may count blocks side by side.
         """
         month = self.needed.month[time]
         sensor_first = np.flatnonzero(np.diff(sensor[first], prepend=-1))
@@ -201,9 +212,12 @@ class BootstrapCounts:
         passes = of_year >= self.needed.yearly - self.sure[those].sum(axis=1)[:, None]
         passing = draws_passed(passes) / counts.shape[1]
         undecided = those[(passing > TAIL) & (passing < 1 - TAIL)]
-        some = np.flatnonzero(np.isin(sensor, undecided))
-        q = share(some)
-        doubtful = time[some][(q > TAIL) & (q < 1 - TAIL)]
+
+        def doubtful() -> np.ndarray:
+            some = np.flatnonzero(np.isin(sensor, undecided))
+            q = share(some)
+            return np.asarray(time[some][(q > TAIL) & (q < 1 - TAIL)])
+
         return CountedBlock(sensor[first], month[first], counts, those, passes, passing, doubtful)
 
     def add(self, counted: CountedBlock) -> None:
@@ -213,7 +227,7 @@ class BootstrapCounts:
         for g in np.unique(grid):
             self.counts[g, 12] += counted.passes[grid == g].sum(axis=0, dtype=np.int32)
         self.passing[counted.open_year] = counted.passing
-        np.add.at(self.hours, counted.doubtful, 1)
+        self._doubtful.append(counted.doubtful)
 
     def _count_months(self, sensor: np.ndarray, month: np.ndarray, counts: np.ndarray) -> None:
         """Count the open ones among months of sensors (row,), from what they pass (row, draw)."""
@@ -236,7 +250,7 @@ class BootstrapCounts:
         for part in (self, other):
             counts[: len(part.sizes)] += part.counts
             out.sizes[: len(part.sizes)] += part.sizes
-        out.counts, out.hours = counts, self.hours + other.hours
+        out.counts, out._hours, out._doubtful = counts, self.hours + other.hours, []
         out.passing = np.concatenate([self.passing, other.passing])
         return out
 
@@ -260,12 +274,14 @@ def draws_passed(passed: np.ndarray) -> np.ndarray:
 def sums(passed: np.ndarray, first: np.ndarray) -> np.ndarray:
     """Number of passed entries (entry, draw) in pieces from the `first` of each, (piece, draw).
 
-    The number of draws is a multiple of eight, whose bytes are added as one number.
+    The number of draws is a multiple of eight, whose bytes are added as one number. Counts are
+    bytes where these are large enough.
     """
-    pieces = -(-np.diff(first, append=len(passed)) // MOST)  # of which a byte counts each
+    sizes = np.append(first[1:], len(passed)) - first
+    if sizes.max(initial=0) <= MOST:
+        return np.add.reduceat(passed.view(np.uint64), first, axis=0).view(np.uint8)
+    pieces = -(-sizes // MOST)  # of which a byte counts each
     begins = np.append(0, pieces.cumsum()[:-1])
     starts = np.repeat(first, pieces) + MOST * (np.arange(pieces.sum()) - np.repeat(begins, pieces))
     counts = np.add.reduceat(passed.view(np.uint64), starts, axis=0).view(np.uint8)
-    if len(starts) == len(first):
-        return counts.astype(np.int32)
     return np.asarray(np.add.reduceat(counts, begins, axis=0, dtype=np.int32))

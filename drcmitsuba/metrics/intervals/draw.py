@@ -93,8 +93,7 @@ class BlockDraws:
         return Draws(
             {"sDA": sda, "ASE": ase, "shade_closed": closed},
             {"msDA": msda, "MSE": mse, "shade_closed_monthly": closed_monthly},
-            {"sDA": self.autonomy.passing, "ASE": self.exposure.passing},
-            {"sDA": self.autonomy.hours, "ASE": self.exposure.hours},
+            {"sDA": self.autonomy, "ASE": self.exposure},
             _interval(self.mean),
             dict(zip(shut.states, shut.possible, strict=True)),
             {name: _shares(self.autonomy, self.exposure, i) for i, name in enumerate(grids)},
@@ -144,7 +143,8 @@ def _means(coefficients: Coefficients, sky: xr.Dataset, shut: Closures) -> np.nd
         if hours.any():
             C, at = coefficients.states[state], sky.isel(time=np.flatnonzero(hours))
             if "illuminance" in C:
-                total += accumulate.sums(C, at) / C.sizes["sensor"]
+                alike = np.full((1, C.sizes["sensor"]), 1 / C.sizes["sensor"])
+                total += accumulate.of_means(C, at, alike).sum(axis=(1, 2), dtype=float)
                 continue
             names = ("replicates", "sun_straight", "sun_straight_se")
             C = C[[name for name in names if name in C]]

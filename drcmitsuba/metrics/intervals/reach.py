@@ -13,7 +13,7 @@ import numpy as np
 
 from drcmitsuba.metrics.intervals.rules import DRAWS
 
-FEWER = (DRAWS, 304, 120, 40, 8, 0)
+FEWER = (DRAWS, 440, 304, 200, 120, 40)
 """Numbers of draws that entries are told apart by: those that reach farthest; multiples of eight,
 see `bootstrap_counts.sums`."""
 MARGIN = 1e-4
@@ -50,5 +50,7 @@ class Reach:
         `missing` is the distance from the threshold, `error` the standard error [lx], shape
         (entry,) each.
         """
-        far = (1 - MARGIN) * np.abs(missing) >= self.limits[:, None] * error
-        return np.asarray(np.count_nonzero(far & (missing != 0), axis=0))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            far = (1 - MARGIN) * np.abs(missing) / error
+        far[missing == 0] = 0  # as far as an entry without an error lies
+        return np.searchsorted(self.limits, far, side="right")

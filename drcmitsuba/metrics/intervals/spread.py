@@ -15,6 +15,7 @@ from drcmitsuba.case.groups import State
 from drcmitsuba.metrics import Interval, thresholds
 from drcmitsuba.metrics.facade_states import sunlit
 from drcmitsuba.metrics.grids import grid_of_sensors
+from drcmitsuba.metrics.intervals.bootstrap_counts import BootstrapCounts
 from drcmitsuba.metrics.intervals.rules import TAIL, Rules
 from drcmitsuba.schema import luminance
 
@@ -64,16 +65,24 @@ class DrawnShares:
 class Draws(DrawnShares):
     """Draws of the metrics of all sensors [%], and how likely each sensor passes."""
 
-    passing: dict[str, np.ndarray]
-    """`sDA`, `ASE`, shape (sensor,): share of the draws in which a sensor counts, 0 to 1."""
-    hours: dict[str, np.ndarray]
-    """`sDA`, `ASE`, shape (time,): at how many of the undecided sensors an hour is in doubt."""
+    counts: Mapping[str, BootstrapCounts]
+    """`sDA`, `ASE`: the sensors that count in every draw."""
     mean_illuminance: Interval
     """Mean over all hours and sensors, shade applied [lx]."""
     possible: Mapping[State, np.ndarray]
     """Time stamps at which the façade takes each state in some draw, shape (time,)."""
     grids: dict[str, DrawnShares] = field(default_factory=dict)
     """The same draws of `sDA`, `ASE`, `msDA` and `MSE` for the sensors of each grid."""
+
+    @property
+    def passing(self) -> dict[str, np.ndarray]:
+        """`sDA`, `ASE`: share of the draws in which a sensor counts, 0 to 1, shape (sensor,)."""
+        return {name: tally.passing for name, tally in self.counts.items()}
+
+    @property
+    def hours(self) -> dict[str, np.ndarray]:
+        """`sDA`, `ASE`: number of the undecided sensors at which an hour is in doubt, (time,)."""
+        return {name: tally.hours for name, tally in self.counts.items()}
 
     def undecided(self, metric: str) -> np.ndarray:
         """Sensors whose passing is too close to call: 2.5 % < probability < 97.5 %."""
@@ -134,6 +143,7 @@ def values(
     if errors:
         total = total + errors * luminance(illuminance["total_se"])
         direct = direct + errors * luminance(illuminance["direct_sun_se"])
+        illuminance = illuminance.assign(direct_sun=direct)
     t = rules.metrics
     enough, stamps = thresholds.stamps_by_month(total, "illuminance", t.sda_threshold)
     in_sun, _ = thresholds.stamps_by_month(direct, "direct", t.ase_threshold)
@@ -149,7 +159,7 @@ def values(
         return thresholds.share(reached.sum(axis=0) >= required(whole, whole))
 
     rule = rules.shade
-    counts = sunlit(illuminance.assign(direct_sun=direct), rule)
+    counts = sunlit(illuminance, rule)
     sensors = np.bincount(grid_of_sensors(illuminance))
     indices = rule.indices(rule.closed(counts, sensors), direct["time"])
     closed = (indices > 0)[:, np.array(rule.groups.closable)].mean(axis=1)

@@ -10,14 +10,18 @@ façades. Where paths met no others, G_m is, too, and E_e takes in G_m B_e.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
+import mitsuba as mi
 import numpy as np
 
+from drcmitsuba.runtime.aligned_arrays import aligned_rows
+from drcmitsuba.runtime.flat_arrays import shared
 from drcmitsuba.runtime.pieces import pieces, run
 from drcmitsuba.runtime.threads import in_threads
-from drcmitsuba.transport.elements.light import LightByElement
+from drcmitsuba.transport.elements.light import LATEST, LightByElement
 from drcmitsuba.transport.elements.weights import BESIDES, MOST_ROWS, Year, different_rows
 
 if TYPE_CHECKING:
@@ -35,6 +39,8 @@ class KnownYear:
     """Illuminances of sensors, and of blocks of cells where G_m differs between façades, by every
     element that gives light, and by `BESIDES` with the elements that are the same in all façades
     [lx], shape (replicate, time, receiver)."""
+    _means: dict[bytes, dict[int, np.ndarray]] = field(default_factory=dict, init=False, repr=False)
+    """What is kept of `of_means`."""
 
     @staticmethod
     def nbytes(light: LightByElement, hours: int) -> int:
@@ -50,7 +56,7 @@ class KnownYear:
         elements, blocks = len(light.elements), light.besides.blocks.shape[2]
         whole = Year.of(L, np.ones((L.shape[0], elements), np.float32), light.sky_bins)
         shape = (light.replicates, L.shape[0], sensors + blocks * differ)
-        lit = {e: np.zeros(shape, np.float32) for e in summed}
+        lit = {e: aligned_rows(shape) for e in summed}
         same = () if differ else light.sent_back(np.ones(elements))
 
         def of_replicate(job: tuple[int, int]) -> None:
@@ -98,7 +104,7 @@ class KnownYear:
         What openings send back of it into the room is that of a façade with `shares` (element,).
         """
         sensors, lit = len(self.light.positions), self.lit[element]
-        if not self._differs:
+        if not self.differs:
             return lit
         return np.stack(
             [
@@ -107,16 +113,38 @@ class KnownYear:
             ]
         )
 
-    @property
-    def _differs(self) -> bool:
+    @cached_property
+    def differs(self) -> bool:
         """Whether G_m differs between façades."""
         return _returns_differ(self.light)
+
+    @cached_property
+    def on_device(self) -> dict[int, tuple[mi.Float, ...]]:
+        """Illuminances by element and replicate, flat (time, receiver) [lx]; only CUDA copies."""
+        return {e: tuple(map(shared, lit)) for e, lit in self.lit.items()}
+
+    def of_means(self, weights: np.ndarray) -> dict[int, np.ndarray]:
+        """Means over sensors by element, by weights (mean, sensor): (replicate, time, mean) [lx].
+
+        All façades of a case ask for the same ones, those of its spaces, which are kept. They are
+        summed in the precision of the weights.
+        """
+        assert not self.differs
+        key = weights.tobytes()
+        if key not in self._means:
+            self._means[key] = {
+                e: np.stack([each @ weights.T for each in lit]).astype(np.float32)
+                for e, lit in self.lit.items()
+            }
+            for old in [*self._means][:-LATEST]:
+                del self._means[old]
+        return self._means[key]
 
     def _by_row(
         self, E: np.ndarray, rows: np.ndarray, of_hour: np.ndarray, hours: np.ndarray
     ) -> None:
         """Fill in E of few different shares (row, element), each of which holds in many hours."""
-        differs, sensors = self._differs, E.shape[2]
+        differs, sensors = self.differs, E.shape[2]
         jobs = [
             (row, hours_of[here])
             for row, hours_of in enumerate(np.flatnonzero(of_hour == k) for k in range(len(rows)))
@@ -140,7 +168,7 @@ class KnownYear:
 
     def _by_hour(self, E: np.ndarray, shares: np.ndarray, hours: np.ndarray) -> None:
         """Fill in E of shares (time, element) that differ from hour to hour."""
-        differs, sensors = self._differs, E.shape[2]
+        differs, sensors = self.differs, E.shape[2]
         year = Year.of(self.L[hours], shares, self.light.sky_bins)
 
         def of_replicate(r: int) -> None:

@@ -73,12 +73,17 @@ class ElementLight:
         `bins` are positions among all labels in rising order, int, shape (bin,). The places of the
         pairs are those in a flat array (bin, sensor), shape (pair,); C is (replicate, pair).
         """
-        sensors, C = self.total.shape[2], self.pairs.C
-        own, sensor = np.divmod(self.pairs.places, sensors)
-        kept = np.isin(self.bins, bins)[own]
-        if not kept.all():
-            own, sensor, C = own[kept], sensor[kept], C[:, kept]
-        return np.searchsorted(bins, self.bins)[own] * sensors + sensor, C
+        places, seen = self.places_at(bins)
+        return places, self.pairs.C[:, seen]
+
+    def places_at(self, bins: np.ndarray) -> tuple[np.ndarray, np.ndarray | slice]:
+        """Such places, and the pairs that they are of: indices, or a slice of all of them."""
+        own, sensor = self.pairs.pairs
+        at, kept = np.searchsorted(bins, self.bins), np.isin(self.bins, bins)
+        if kept.all():
+            return at[own] * self.pairs.shape[1] + sensor, slice(None)
+        seen = np.flatnonzero(kept[own])
+        return at[own[seen]] * self.pairs.shape[1] + sensor[seen], seen
 
     def times(self, factor: float) -> ElementLight:
         """Light times a factor."""
@@ -210,23 +215,25 @@ class LightByElement:
         tuple of np.ndarray, shape (bin, sensor)
             C and its standard error [sr].
         """
-        sensors, parts = len(self.positions), []
-        for number in (BESIDES, *np.flatnonzero(shares).tolist()):
-            places, C = self.light(number).seen_at(bins)
-            share = np.float32(1 if number == BESIDES else shares[number])
-            if len(places):
-                parts.append((places, C if share == 1 else share * C))
-        out = np.zeros((2, len(bins), sensors), np.float32)
-        if parts:
-            places, total = parts[0]
-            if len(parts) > 1:
-                seen = np.zeros(out[0].size, bool)
-                for own, _ in parts:
-                    seen[own] = True
-                places = np.flatnonzero(seen)
-                total = np.zeros((self.replicates, len(places)), np.float32)
-                for own, C in parts:
-                    total[:, np.searchsorted(places, own)] += C
+        some = [(each, share) for each, share in self._some(shares) if each.pairs.places.size]
+        out = np.zeros((2, len(bins), len(self.positions)), np.float32)
+        if len(some) == 1:
+            ((light, share),) = some
+            places, seen = light.places_at(bins)
+            of_pairs = light.pairs.statistics
+            if share != 1:
+                of_pairs = mean_and_error(np.float32(share) * light.pairs.C)
+            for array, values in zip(out, of_pairs, strict=True):
+                array.reshape(-1)[places] = values[seen]
+        elif some:
+            parts = [(*light.seen_at(bins), np.float32(share)) for light, share in some]
+            seen = np.zeros(out[0].size, bool)
+            for own, *_ in parts:
+                seen[own] = True
+            places = np.flatnonzero(seen)
+            total = np.zeros((self.replicates, len(places)), np.float32)
+            for own, C, share in parts:
+                total[:, np.searchsorted(places, own)] += C if share == 1 else share * C
             for array, values in zip(out, mean_and_error(total), strict=True):
                 array.reshape(-1)[places] = values
         return out[0], out[1]

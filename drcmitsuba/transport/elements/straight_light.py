@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+
+from drcmitsuba.schema import mean_and_error
 
 
 class Entries(NamedTuple):
@@ -45,6 +48,17 @@ class StraightLight:
             for each in entries:
                 C[each.result, pair[each.places]] += each.C
         return cls(shape, places, C)
+
+    @cached_property
+    def pairs(self) -> tuple[np.ndarray, np.ndarray]:
+        """Own bin and sensor of the pairs, int, shape (pair,) each."""
+        own, sensor = np.divmod(self.places, self.shape[1])
+        return own.astype(np.int32), sensor.astype(np.int32)
+
+    @cached_property
+    def statistics(self) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and standard error of C of the pairs [sr], shape (pair,) each."""
+        return mean_and_error(self.C)
 
     def dense(self) -> np.ndarray:
         """C of all pairs [sr], shape (replicate, own bin, sensor)."""

@@ -34,7 +34,7 @@ def doubts(own, count=4000):
 def test_draws_that_are_left_out_change_nothing(own):
     every = doubts(own)
     reach = Reach.of(every.drawn.replicates, every.drawn.others if own else None)
-    passed = every.passes(np.arange(len(every.off)))[:, reach.order]
+    passed = every.passes()[:, reach.order]
     level = reach.levels(every.off[:, -1], every.error)
     by_mean = every.off[:, -1] >= 0
     for k, draws in enumerate(FEWER):

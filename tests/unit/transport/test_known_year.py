@@ -4,17 +4,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import xarray as xr
 from scipy.sparse import csr_matrix
 
+from drcmitsuba.annual.weighed_replicates import WeighedReplicates
+from drcmitsuba.metrics.year_replicates import replicates_of
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.schema import mean_and_error
 from drcmitsuba.transport import elements
 from drcmitsuba.transport.elements import known_year, year_by_bin
 from drcmitsuba.transport.elements.known_year import KnownYear
 from drcmitsuba.transport.elements.marked_light import MarkedLight
 from drcmitsuba.transport.elements.paths import SolvedReturn
+from drcmitsuba.transport.elements.weighed_year import WeighedYear
 from drcmitsuba.transport.elements.year_by_bin import YearByBin
 from tests.fast import slowly
 from tests.unit.transport.exact_scenes import OPPOSITE, SUNS
@@ -41,7 +46,15 @@ def light(request):
 def year(request, light):
     """Light that all openings send back, or only the one that has a single fill."""
     if request.param == "by one fill":
-        light = replace(light, returned=tuple(map(by_one_fill, light.returned)))
+        light = sent_back_by_one_fill(light)
+    return year_of(light)
+
+
+def sent_back_by_one_fill(light):
+    return replace(light, returned=tuple(map(by_one_fill, light.returned)))
+
+
+def year_of(light):
     rng = np.random.default_rng(4)
     L = rng.random((HOURS, len(light.labels))).astype(np.float32)
     L[:, light.sky_bins :] *= rng.random((HOURS, len(light.labels) - light.sky_bins)) < 0.3
@@ -136,3 +149,43 @@ def test_straight_light_is_that_of_the_coefficients(year, shares):
 
 def test_its_memory_is_known_before(year):
     assert KnownYear.nbytes(year.light, HOURS) == sum(E.nbytes for E in year.lit.values())
+
+
+@pytest.fixture
+def weighed(light):
+    """Façade of two mixtures in turn, of which nothing is kept, and E of all its replicates."""
+    year = year_of(sent_back_by_one_fill(light))
+    shares = np.array([[1, 0, 0, 0, 1, 1], [0.3, 0, 0.7, 0.5, 0.5, 1]], np.float32)
+    part = np.random.default_rng(5).integers(0, 2, HOURS)
+    parts = [WeighedYear.constant(year, row) for row in shares]
+    return WeighedYear.joined(parts, part), year.illuminance(shares[part])
+
+
+@pytest.mark.parametrize("hours", [None, np.array([3, 9, 77, 149]), np.zeros(0, int)])
+def test_statistics_are_those_of_all_replicates(weighed, hours):
+    facade, E = weighed
+    mean, error = mean_and_error(E if hours is None else E[:, hours])
+    ours = facade.statistics(hours)
+    np.testing.assert_allclose(ours[0], mean, rtol=1e-6)
+    np.testing.assert_allclose(ours[1], error, rtol=1e-4, atol=1e-6 * mean.max(initial=0))
+
+
+def test_pairs_and_means_are_those_of_all_replicates(weighed):
+    facade, E = weighed
+    rng = np.random.default_rng(6)
+    time, sensor = rng.integers(0, HOURS, 400), rng.integers(0, E.shape[2], 400)
+    np.testing.assert_allclose(facade.at(time, sensor), E[:, time, sensor], rtol=1e-6)
+    assert facade.at(time[:0], sensor[:0]).shape == (len(E), 0)
+    weights, hours = rng.random((2, E.shape[2])).astype(np.float32), np.arange(5, HOURS, 4)
+    means = facade.of_means(weights, hours)
+    np.testing.assert_allclose(means, E[:, hours] @ weights.T, rtol=1e-5)
+
+
+def test_an_array_of_xarray_makes_its_numbers_when_it_is_used(weighed):
+    facade, E = weighed
+    array = xr.DataArray(WeighedReplicates(facade), dims=("replicate", "time", "sensor"))
+    assert replicates_of(array.to_dataset(name="illuminance")) is array.data
+    np.testing.assert_array_equal(array.values, E)
+    np.testing.assert_array_equal(array.isel(sensor=0), E[..., 0])
+    np.testing.assert_array_equal(array.mean("replicate"), E.mean(axis=0))
+    np.testing.assert_array_equal(array * 2, E * 2)
