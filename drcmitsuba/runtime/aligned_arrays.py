@@ -54,6 +54,4 @@ def aligned_rows(shape: Sequence[int]) -> np.ndarray:
     """Zeros in single precision, each row of which, along the first dim, is aligned."""
     rows, size = shape[0], math.prod(shape[1:])
     width = -(-size // (ALIGNMENT // 4)) * (ALIGNMENT // 4)
-    memory = aligned_empty((rows, width), np.float32)
-    memory[:] = 0
-    return memory[:, :size].reshape(shape)
+    return aligned_zeros((rows, width), np.float32)[:, :size].reshape(shape)
