@@ -19,7 +19,9 @@ document
 colour_scale
     From numbers to colours, and the bar beside them.
 style
-    Colours, lines and PNG files.
+    Colours, lines and files of figures.
+png
+    PNG files from pixels.
 captions
     Weather, period and accuracy in words.
 """

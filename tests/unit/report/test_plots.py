@@ -3,6 +3,7 @@
 import itertools
 import subprocess
 import sys
+from io import BytesIO
 
 import numpy as np
 import pytest
@@ -15,7 +16,8 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from PIL import Image
 
-from drcmitsuba.report import plots
+from drcmitsuba.report import plots, style
+from drcmitsuba.report.png import encoded
 from drcmitsuba.report.tiles import SensorTiles
 from drcmitsuba.runtime.errors import InputError
 
@@ -244,17 +246,27 @@ def test_save_that_fails_keeps_the_older_file(tmp_path, monkeypatch):
     path = tmp_path / "year.png"
     path.write_text("older")
 
-    def full_disk(image, part, **_):
+    def full_disk(pixels, part):
         part.write_bytes(b"half")
         raise OSError("no space left on device")
 
-    monkeypatch.setattr(Image.Image, "save", full_disk)
+    monkeypatch.setattr(style, "write", full_disk)
     with pytest.raises(OSError, match="no space"):
         plots.save(plots.monthly(year()), path)
     with pytest.raises(OSError, match="no space"):
         plots.save_all({"year.png": plots.monthly(year())}, tmp_path)
     assert path.read_text() == "older"
     assert [p.name for p in tmp_path.iterdir()] == ["year.png"]
+
+
+@pytest.mark.parametrize(("opacity", "mode"), [(255, "RGB"), (128, "RGBA")])
+def test_a_png_holds_every_pixel_and_the_resolution(opacity, mode):
+    pixels = np.random.default_rng(1).integers(0, 256, (5, 7, 4), np.uint8)
+    pixels[..., 3] = opacity
+    read = Image.open(BytesIO(encoded(pixels, 150)))
+    assert read.mode == mode
+    assert np.asarray(read.convert("RGBA")).tolist() == pixels.tolist()
+    assert read.info["dpi"] == pytest.approx((150, 150), abs=0.02)
 
 
 def test_figures_that_are_saved_together_are_the_files_of_each(tmp_path):
