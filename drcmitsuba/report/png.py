@@ -45,7 +45,7 @@ def encoded(pixels: np.ndarray, dpi: float) -> bytes:
     parts = {
         b"IHDR": struct.pack(">IIBBBBB", width, height, 8, COLOUR_TYPES[channels], 0, 0, 0),
         b"pHYs": struct.pack(">IIB", per_metre, per_metre, 1),
-        b"IDAT": zlib.compress(lines, LEVEL),
+        b"IDAT": zlib.compress(lines.data, LEVEL),
         b"IEND": b"",
     }
     return SIGNATURE + b"".join(_chunk(name, data) for name, data in parts.items())

@@ -16,17 +16,16 @@ import textwrap
 import warnings
 from collections.abc import Mapping
 from functools import partial
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from drcmitsuba.report.png import encoded
+from drcmitsuba.report.standing import DrawnParts
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.background import Behind
 from drcmitsuba.runtime.progress import Progress
@@ -75,17 +74,15 @@ def head(ax: Axes, title: str, caption: str = "", above: float = 5.0) -> None:
     )  # fmt: skip
 
 
-def pixels_of(figure: Figure, dpi: int) -> np.ndarray:
+def pixels_of(figure: Figure, dpi: int, drawn: DrawnParts | None = None) -> np.ndarray:
     """Draw a figure: red, green, blue and opacity, uint8, shape (row, column, 4).
 
-    Characters of a case's name that the font lacks become boxes.
+    Characters of a case's name that the font lacks become boxes. Standing parts that were `drawn`
+    before are not drawn again.
     """
-    buffer = BytesIO()
-    with warnings.catch_warnings(), rc_context({"savefig.bbox": None}):  # as large as it was drawn
+    with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph", UserWarning)
-        figure.savefig(buffer, format="rgba", dpi=dpi)
-    width, height = (int(length * dpi) for length in figure.get_size_inches())
-    return np.frombuffer(buffer.getbuffer(), np.uint8).reshape(height, width, 4)
+        return (DrawnParts() if drawn is None else drawn).pixels(figure, dpi)
 
 
 def write(pixels: np.ndarray, file: Path) -> None:
@@ -128,16 +125,18 @@ def save(figure: Figure, path: str | Path) -> Path:
 
 
 def save_all(
-    figures: Mapping[str, Figure], folder: Path, progress: Progress = lambda share: None
-) -> list[Path]:
+    figures: Mapping[str, Figure], folder: Path, progress: Progress = lambda share: None,
+    drawn: DrawnParts | None = None,
+) -> list[Path]:  # fmt: skip
     """Write figures by file name as `save` does, and return their paths.
 
-    A picture is compressed in a thread while the next one is drawn.
+    A picture is compressed in a thread while the next one is drawn. Parts that were `drawn` before,
+    of figures of another folder, are not drawn again.
     """
-    saving = Behind()
+    saving, drawn = Behind(), DrawnParts() if drawn is None else drawn
     with saving.opened():
         for number, (name, figure) in enumerate(figures.items(), start=1):
-            saving.do(partial(_save, pixels_of(figure, DPI), folder / name))
+            saving.do(partial(_save, pixels_of(figure, DPI, drawn), folder / name))
             progress(number / len(figures))
     return [folder / name for name in figures]
 

@@ -18,6 +18,7 @@ from PIL import Image
 
 from drcmitsuba.report import plots, style
 from drcmitsuba.report.png import encoded
+from drcmitsuba.report.standing import DrawnParts
 from drcmitsuba.report.tiles import SensorTiles
 from drcmitsuba.runtime.errors import InputError
 
@@ -294,3 +295,22 @@ def test_a_picture_does_not_replace_a_folder(tmp_path):
 def test_nothing_global_is_touched():
     code = "import sys, drcmitsuba.report.plots; sys.exit('matplotlib.pyplot' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_standing_parts_that_another_figure_drew_leave_every_pixel_as_it_is(tmp_path):
+    wide, deep = grid(6, 4), grid(4, 6)
+    figures = {
+        "high.png": plots.plan(wide, title="high", caption="a", limit=500),
+        "low.png": plots.plan(0.5 * wide, title="low", caption="b", limit=500, contours=(200,)),
+        "free.png": plots.plan(wide, title="low", caption="b"),
+        "deep.png": plots.plan(deep, title="deep", caption="c", limit=500, limit_label="level"),
+        "year.png": plots.monthly(year(), title="year"),
+        "other.png": plots.monthly(year() | {"sDA": year()["ASE"]}, title="other", shade=False),
+        "last.png": plots.monthly(year() | {"sDA": year()["ASE"]}, title="last", rated=True),
+    }
+    drawn = DrawnParts()
+    for name, figure in figures.items():
+        for folder in ("first", "again"):
+            plots.save_all({name: figure}, tmp_path / folder, drawn=drawn)
+            whole = plots.save(figure, tmp_path / "whole.png").read_bytes()
+            assert (tmp_path / folder / name).read_bytes() == whole
