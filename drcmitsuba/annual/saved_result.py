@@ -26,6 +26,8 @@ from drcmitsuba.scene.enabled_effects import EnabledEffects
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from drcmitsuba.report.standing import DrawnParts
+
 ALL_ARRAYS = {
     "illuminance.nc", "coefficients.zarr", "sky.zarr", "year.zarr", "sensors.nc", "colour.nc",
 }  # fmt: skip
@@ -57,13 +59,17 @@ class SavedResult(ABC):
     def _pictures(self) -> dict[str, Figure]:
         """Draw all pictures, by file name."""
 
-    def save(self: Own, folder: str | Path, stage: Stage = silent) -> Own:
+    def save(
+        self: Own, folder: str | Path, stage: Stage = silent, drawn: DrawnParts | None = None
+    ) -> Own:
         """Write all results and plots to a folder, each file whole or not at all.
 
         Parameters
         ----------
         folder : str or Path
         stage : callable, optional
+        drawn : DrawnParts, optional
+            Parts that the pictures of another result had in common with those of this one.
 
         Returns
         -------
@@ -80,7 +86,7 @@ class SavedResult(ABC):
             storage.remove(folder / name)
         with stage("writing") as done:
             with beside(*arrays.values()):
-                pictures = self._save_pictures(folder, part(done, 0.0, 0.9))
+                pictures = self._save_pictures(folder, part(done, 0.0, 0.9), drawn)
             elapsed = round(time.perf_counter() - start, 3)
             seconds = self.metrics["seconds"] | {"writing": elapsed}
             metrics = self.metrics | {"seconds": seconds, "peak_memory_bytes": peak_memory()}
@@ -92,14 +98,16 @@ class SavedResult(ABC):
             storage.save_json(saved.plan, folder / "plan.json")
         return saved
 
-    def _save_pictures(self, folder: Path, progress: Progress) -> list[str]:
+    def _save_pictures(
+        self, folder: Path, progress: Progress, parts: DrawnParts | None
+    ) -> list[str]:
         """Draw the plots, remove those of an earlier evaluation, and return the file names."""
         drawn = {}
         if self.enabled_effects.pictures:
             from drcmitsuba.report import plots
 
             drawn = self._pictures()
-            plots.save_all(drawn, folder, progress)
+            plots.save_all(drawn, folder, progress, parts)
         for old in (path for name in DRAWN for path in folder.glob(name)):
             if old.name not in drawn:
                 old.unlink(missing_ok=True)

@@ -137,9 +137,9 @@ class FacadesJob:
         def stage(name: str) -> Iterator[Progress]:
             yield part(progress, 0.0, 0.5 * (name == "elements"))
 
-        shared = SharedElements.of(alike(self.cases), stage, light)
+        shared = SharedElements.of(alike(self.cases), stage, light, self.cases)
         for done, number in enumerate(self.wanted, 1):
-            yield number, shared.evaluate(number, self.cases[number]).metrics
+            yield number, shared.evaluate(number).metrics
             progress(0.5 + 0.5 * done / len(self.wanted))
 
     def make(self, progress: Progress) -> dict[int, dict[str, Any]]:

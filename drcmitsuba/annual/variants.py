@@ -17,7 +17,7 @@ from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.summed_year import accuracy_of
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.reading import load_case
-from drcmitsuba.plan import notes, plan
+from drcmitsuba.plan import Plan, notes, plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
@@ -57,9 +57,10 @@ def load_variants(path: str, names: Sequence[str]) -> list[Case]:
 class SharedElements:
     """Light by element of several cases, each of which gets its result from it."""
 
-    cases: Sequence[Case]
     light: Daylight
     facades: SharedFacades
+    planned: Sequence[Plan]
+    """Plan of each case, with the rules of the metrics by which it is evaluated."""
     scope: EnabledEffects
     """Effects that were simulated: those that any of the cases calls for."""
     channels: tuple[by_element.LightByElement, ...]
@@ -69,8 +70,9 @@ class SharedElements:
 
     @classmethod
     def of(
-        cls, cases: Sequence[Case], stage: Stage = silent, light: Daylight | None = None
-    ) -> SharedElements:
+        cls, cases: Sequence[Case], stage: Stage = silent, light: Daylight | None = None,
+        judged: Sequence[Case] | None = None,
+    ) -> SharedElements:  # fmt: skip
         """Simulate the light of cases that differ in their façades only, by tile and fill.
 
         Parameters
@@ -81,6 +83,8 @@ class SharedElements:
         light : Daylight, optional
             Daylight of the cases; by default computed, with the hours beyond the period where the
             coefficients of a case are written.
+        judged : sequence of Case, optional
+            The same façades with other rules of the metrics, by which each is evaluated.
 
         Raises
         ------
@@ -94,21 +98,24 @@ class SharedElements:
         run = replace(Run.of(first), stage=stage)
         accuracy = accuracy_of(first, run)
         with run.timed("sky"):
-            remarks = [notes(case) for case in cases]  # reads the films' files, which may be unfit
             if light is None:  # hours beyond the period need C
                 writes_C = any(case.output.illuminance == "all" for case in cases)
                 light = daylight_and_year(first) if writes_C else daylight(first)
-            scope = joined_effects([plan(case, light).scope for case in cases])
+            remarks, planned = [], []
+            for case in cases if judged is None else judged:  # models of a study are read anew
+                remarks.append(notes(case))  # reads the films' files, which may be unfit
+                planned.append(plan(case, light))
+            scope = joined_effects([each.scope for each in planned])
         with run.timed("elements") as done:
             channels = light_of_channels(
                 facades.case, facades.panes, light.suns, accuracy, scope, done
             )
-        return cls(cases, light, facades, scope, channels, remarks, run)
+        return cls(light, facades, planned, scope, channels, remarks, run)
 
-    def evaluate(self, number: int, judged: Case | None = None) -> Result:
-        """Evaluate one of the cases, by its own rules of the metrics or those of another case."""
-        case = self.cases[number] if judged is None else judged
-        planned = plan(case, self.light)
+    def evaluate(self, number: int) -> Result:
+        """Evaluate one of the cases."""
+        planned = self.planned[number]
+        case = planned.facts.case
         run = replace(
             self.run, enabled_effects=planned.scope, seconds=dict(self.run.seconds),
             ray_counter=Counter(self.run.ray_counter),

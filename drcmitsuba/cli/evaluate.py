@@ -236,13 +236,14 @@ def _show_result(result: SavedResult, output: Path) -> None:
 def _evaluate_variants(case: str, names: list[str], output: Path, weather: Path | None) -> None:
     """Evaluate several façades of one room from one simulation."""
     from drcmitsuba.annual.variants import evaluate_variants, load_variants
+    from drcmitsuba.report.standing import DrawnParts
 
     cases = [c.with_weather(weather) for c in load_variants(case, names)]
-    metrics = {}
+    metrics, drawn = {}, DrawnParts()
     with stages() as stage:
         results = evaluate_variants(cases, stage)
         for name, result in zip([Path(case).stem, *names], results, strict=True):
-            result.save(output / name, stage)
+            result.save(output / name, stage, drawn)
             metrics[name] = result.metrics
     table = Table("façade", *(f"{n} % (95 %)" for n in ("sDA", "ASE", "shade closed")))
     for name, numbers in metrics.items():

@@ -121,7 +121,8 @@ class SearchedOpenings:
             channels = light_of_channels(
                 facades.case, facades.panes, light.suns, accuracy, scope, done
             )
-        return SharedElements([case], light, facades, scope, channels, [notes(case)], run)
+        planned, remarks = [plan(case, light)], [notes(case)]
+        return SharedElements(light, facades, planned, scope, channels, remarks, run)
 
     @property
     def clear_materials(self) -> tuple[str, ...]:

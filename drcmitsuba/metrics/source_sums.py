@@ -139,6 +139,9 @@ def _sums_at(
 
 def _by_bin(C: np.ndarray, parts: list[np.ndarray]) -> list[mi.TensorXf]:
     """Coefficients (replicate, bin, sensor) of some parts of the bins."""
+    by_bin = C.transpose(0, 2, 1)
+    if by_bin.flags.c_contiguous:  # rows are copied as they are
+        return [mi.TensorXf(flat(rows), rows.shape) for rows in (by_bin[:, b] for b in parts)]
     (replicates, sensors, every), values = C.shape, shared(C)
 
     def of(bins: np.ndarray) -> mi.TensorXf:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from drcmitsuba.model.materials import (
     SurfaceMaterial,
 )
 from drcmitsuba.model.space import Space, numbered, overlap_notes
+from drcmitsuba.runtime.content_key import content_key
 from drcmitsuba.runtime.errors import printable
 
 MOST_OF_BODY = 6
@@ -151,6 +152,14 @@ class Layer:
         """Surfaces that stand in further states."""
         return tuple(shade for state in self.states[1:] for shade in state.shades)
 
+    @property
+    def shape(self) -> tuple[Any, ...]:
+        """Content of the layer, in which the kinds of its materials stand for these."""
+        kinds = tuple(type(material).__name__ for material in self.materials)
+        shades = tuple(shade.shape for state in self.states for shade in state.shades)
+        surfaces = self.role, self.quads, self.polygon, self.places
+        return *self.names, *surfaces, self.group, self.stands_in, kinds, shades
+
     def place(self, quad: int) -> str:
         """Where a quad stands in the source."""
         return self.places[min(int(self.polygon[quad]), len(self.places) - 1)]
@@ -205,6 +214,15 @@ class Location:
     name: str = ""
 
 
+@dataclass(frozen=True)
+class ModelShape:
+    """Shape of a model; models that are read anew for each row of a study have equal ones."""
+
+    digest: str
+    model: Model = field(compare=False, repr=False)
+    """A model of this shape."""
+
+
 @dataclass(frozen=True, eq=False)
 class Model:
     """Everything that a source says, in metres, z up."""
@@ -219,6 +237,13 @@ class Model:
     """One sentence for everything in the source that was simplified or left out."""
     spaces: tuple[Space, ...] = ()
     """Rooms that the source names; their names differ."""
+
+    @cached_property
+    def shape(self) -> ModelShape:
+        """All that does not depend on the values of its materials."""
+        layers = tuple(layer.shape for layer in self.layers)
+        spaces = tuple(space.shape for space in self.spaces)
+        return ModelShape(content_key(layers, self.grids, spaces, self.north), self)
 
     @cached_property
     def polished(self) -> tuple[str, ...]:

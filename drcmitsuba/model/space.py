@@ -69,6 +69,12 @@ class Space:
         """Height from the lowest floor to the highest point [m]; None where it is not known."""
         return self.ceiling - self.floors[0].height if np.isfinite(self.ceiling) else None
 
+    @property
+    def shape(self) -> tuple[Any, ...]:
+        """Content of the space, for a digest."""
+        floors = tuple((floor.height, floor.outline.wkb_hex) for floor in self.floors)
+        return replace(self, floors=()), floors
+
     def scaled(self, factor: float) -> Space:
         """Multiply all lengths."""
         floors = tuple(

@@ -6,6 +6,8 @@ plots
     Every kind of picture by its name.
 year_figures
     Further pictures of an evaluation: mountains, a section, temporal maps, the path of the sun.
+standing, plan_sheet
+    What many figures have in common, which is drawn once; that of plans.
 plan_view, mountain, section, tiles
     Values of sensors in plan, as a mountain, along a line; tiles of a grid of sensors.
 temporal_map, sun_path, sky_dome
@@ -19,7 +21,9 @@ document
 colour_scale
     From numbers to colours, and the bar beside them.
 style
-    Colours, lines and PNG files.
+    Colours, lines and files of figures.
+png
+    PNG files from pixels.
 captions
     Weather, period and accuracy in words.
 """

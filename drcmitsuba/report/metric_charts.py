@@ -14,8 +14,10 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
 
 from drcmitsuba.report.captions import MONTHS
+from drcmitsuba.report.standing import SheetFigure
 from drcmitsuba.report.style import BLUE, GREY, INK, METRICS, NAME, ORANGE, tidy
 
 ACCEPTED, PREFERRED = 55, 75
@@ -63,7 +65,7 @@ def monthly(
     >>> result = drcmitsuba.evaluate("office.toml")
     >>> figure = plots.monthly(result.metrics, title="office", shade=False)
     """
-    figure = Figure(figsize=(9.6, 4.3))
+    figure = SheetFigure(figsize=(9.6, 4.3))
     year, months = figure.subplots(1, 2, width_ratios=[1, 2.6])
     figure.subplots_adjust(left=0.075, right=0.985, bottom=0.1, top=0.76, wspace=0.42)
     _head(figure, title, caption)
@@ -93,7 +95,8 @@ def monthly(
         _line(months, metrics["shade_closed_monthly"], "shade closed, of hours", **style)
     months.set(xlim=(0.7, 12.3), ylabel="share [%]")
     months.set_xticks(range(1, 13), MONTHS)
-    _legend(months)
+    axes = year.xaxis, year.yaxis, months.xaxis, months.yaxis
+    figure.stands(("monthly", shade), *axes, _legend(months))
     return figure
 
 
@@ -151,10 +154,10 @@ def _head(figure: Figure, title: str, caption: str = "") -> None:
     figure.text(0.075, 0.9, caption, va="center", fontsize=8, color=GREY, **NAME)
 
 
-def _legend(ax: Axes) -> None:
+def _legend(ax: Axes) -> Legend:
     """Name the lines above a panel."""
     legend: dict[str, Any] = {"ncols": 3, "frameon": False, "fontsize": 9, "borderaxespad": 0.3}
-    ax.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderpad=0, **legend)
+    return ax.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderpad=0, **legend)
 
 
 def _bar(ax: Axes, at: int, interval: Mapping[str, float], colour: str) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
@@ -12,19 +11,17 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.report import tiles
 from drcmitsuba.report.colour_scale import colour_bar, label_of, scale
+from drcmitsuba.report.plan_sheet import PlanSheet
 from drcmitsuba.report.sensor_marks import SensorMarks
-from drcmitsuba.report.style import GREY, INK, LINES, NAME, halo
+from drcmitsuba.report.style import INK, LINES, NAME, halo
 from drcmitsuba.runtime.errors import InputError
 
 LEGIBLE = 0.5
 """Least distance of sensors on paper [inch] at which their values are written."""
-COLUMNS = 3
-"""Number of entries in a row of the legend."""
 LETTER = 0.62
 """Width of a bold letter over its size [–]."""
 SMALLEST = 4.5
@@ -124,11 +121,11 @@ def plan(
         ]
     if limit is not None:
         lines["limit"] = [edge for mark in marks for edge in mark.boundary(numbers >= limit)]
-    keys = {name: LINES[name] for name, kind in lines.items() if kind}
+    keys = {name: name for name, kind in lines.items() if kind}
     if limit is not None:  # the colour bar marks it, too
-        keys["limit"] = LINES["limit"]
+        keys["limit"] = limit_label
 
-    figure, ax, bar = _sheet(view, title, caption, rows=-(-len(keys) // COLUMNS))
+    figure, ax, bar = PlanSheet.begun(view, title, caption, tuple(keys.items()))
     inch = ax.get_position().width * figure.get_figwidth() / np.ptp(ax.get_xlim())
     shown = np.ma.clip(numbers, norm.vmin, norm.vmax)
     for mark in marks:
@@ -136,7 +133,6 @@ def plan(
     for mark in marks if len(contours) else ():
         mark.contours(ax, numbers, contours)
     _draw_lines(ax, lines)
-    _add_legend(figure, ax, keys, limit_label)
     if texts:
         _write_texts(ax, marks, texts, inch)
     elif tiles.closest(x, y) * inch >= LEGIBLE:
@@ -172,44 +168,6 @@ def _view(points: np.ndarray) -> np.ndarray:
     return (low + high) / 2 + np.array([[-0.5], [0.5]]) * size
 
 
-def _sheet(
-    view: np.ndarray, title: str, caption: str, rows: int
-) -> tuple[Figure, Axes, Axes]:  # fmt: skip
-    """Figure with an axes that shows a view to scale, one for the colour bar, a north arrow.
-
-    The layout is in inches, so that the plan's scale and the text's size hold for a room of any
-    shape. `rows` is the number of rows of the legend.
-    """
-    size = view[1] - view[0]
-    width, height = 5.4 * size / size.max()
-    left, right, bottom = 0.75, 1.15, 0.6 + 0.1 * bool(rows) + 0.25 * rows
-    across = max(left + width + right, 5.2)
-    heading = textwrap.wrap(title, int((across - left) / 0.1))  # bold letters are 0.09 inch wide
-    small = textwrap.wrap(caption, int((across - left) / 0.073))
-    top = 0.3 + 0.22 * len(heading) + 0.17 * len(small)
-    sheet = across, bottom + height + top
-
-    figure = Figure(figsize=sheet)
-    ax = figure.add_axes((left / sheet[0], bottom / sheet[1], width / sheet[0], height / sheet[1]))
-    ax.set(xlim=view[:, 0], xlabel="x, east [m]", ylim=view[:, 1], ylabel="y, north [m]")
-    ax.set_aspect("equal")
-    start = left / sheet[0], 1 - 0.12 / sheet[1]
-    figure.text(*start, "\n".join(heading), va="top", fontsize=11, weight="bold", **NAME)
-    below = start[0], start[1] - (0.02 + 0.21 * len(heading)) / sheet[1]
-    figure.text(*below, "\n".join(small), va="top", fontsize=8, color=GREY, **NAME)
-
-    beside = left + width + 0.2
-    bar = figure.add_axes(
-        (beside / sheet[0], bottom / sheet[1], 0.18 / sheet[0], (height - 0.75) / sheet[1])
-    )
-    arrow = {"arrowstyle": "-|>", "color": INK, "linewidth": 1.6, "mutation_scale": 16}
-    at = ((beside + 0.09) / sheet[0], (bottom + height) / sheet[1])
-    tail = (at[0], at[1] - 0.5 / sheet[1])
-    ax.annotate("", at, tail, "figure fraction", "figure fraction", arrowprops=arrow)
-    figure.text(at[0] + 0.12 / sheet[0], at[1], "N", va="top", weight="bold", fontsize=11)
-    return figure, ax, bar
-
-
 def _draw_lines(ax: Axes, lines: Mapping[str, Sequence[np.ndarray]]) -> None:
     """Draw each kind as one line with gaps: a hundred thousand desks would take minutes."""
     gap = np.full((1, 2), np.nan)
@@ -217,22 +175,6 @@ def _draw_lines(ax: Axes, lines: Mapping[str, Sequence[np.ndarray]]) -> None:
         if kind:
             broken = np.concatenate([piece for line in kind for piece in (line, gap)])
             ax.plot(*broken.T, scalex=False, scaley=False, **LINES[name])
-
-
-def _add_legend(
-    figure: Figure, ax: Axes, keys: Mapping[str, Mapping[str, Any]], limit_label: str
-) -> None:
-    """Draw the legend of lines below the plan."""
-    if not keys:
-        return
-    names = {"limit": limit_label}
-    handles = [Line2D([], [], label=names.get(k, k), **style) for k, style in keys.items()]
-    at = (ax.get_position().x0, 0)
-    legend = figure.legend(
-        handles=handles, loc=3, bbox_to_anchor=at, ncols=COLUMNS, frameon=False, fontsize=9
-    )
-    for text in legend.get_texts():
-        text.set_parse_math(False)
 
 
 def _write_numbers(

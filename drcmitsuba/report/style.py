@@ -16,16 +16,16 @@ import textwrap
 import warnings
 from collections.abc import Mapping
 from functools import partial
-from io import BytesIO
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
-from matplotlib import rc_context
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
-from PIL import Image
 
+from drcmitsuba.report.png import encoded
+from drcmitsuba.report.standing import DrawnParts
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.background import Behind
 from drcmitsuba.runtime.progress import Progress
@@ -51,8 +51,8 @@ LINES: dict[str, dict[str, Any]] = {
     "limit": {"color": ORANGE, "linewidth": 2.0, "path_effects": halo(3.6, "white")},
 }
 """Lines of a plan by their name in the legend."""
-DPI = 150
-"""Resolution of files [1/inch]."""
+DPI, SHOWN_DPI = 150, 100
+"""Resolution of files, and of figures that Jupyter or the report shows [1/inch]."""
 NAME = {"parse_math": False}  # dollars in a case's name do not begin a formula
 
 
@@ -74,28 +74,25 @@ def head(ax: Axes, title: str, caption: str = "", above: float = 5.0) -> None:
     )  # fmt: skip
 
 
-def image_of(figure: Figure, dpi: int) -> Image.Image:
-    """Draw a figure; characters of a case's name that the font lacks become boxes."""
-    buffer = BytesIO()
-    with warnings.catch_warnings(), rc_context({"savefig.bbox": None}):  # as large as it was drawn
+def pixels_of(figure: Figure, dpi: int, drawn: DrawnParts | None = None) -> np.ndarray:
+    """Draw a figure: red, green, blue and opacity, uint8, shape (row, column, 4).
+
+    Characters of a case's name that the font lacks become boxes. Standing parts that were `drawn`
+    before are not drawn again.
+    """
+    with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph", UserWarning)
-        figure.savefig(buffer, format="rgba", dpi=dpi)
-    width, height = (int(length * dpi) for length in figure.get_size_inches())
-    image = Image.frombytes("RGBA", (width, height), buffer.getvalue())
-    image.info["dpi"] = (dpi, dpi)
-    return image
+        return (DrawnParts() if drawn is None else drawn).pixels(figure, dpi)
 
 
-def write(image: Image.Image, file: Path | IO[bytes]) -> None:
-    """Write an image as PNG."""
-    image.save(file, format="PNG", compress_level=3, dpi=image.info["dpi"])
+def write(pixels: np.ndarray, file: Path) -> None:
+    """Write pixels as PNG."""
+    file.write_bytes(encoded(pixels, DPI))
 
 
 def png(figure: Figure) -> bytes:
     """Return a figure as PNG, as Jupyter shows it."""
-    buffer = BytesIO()
-    write(image_of(figure, dpi=100), buffer)
-    return buffer.getvalue()
+    return encoded(pixels_of(figure, SHOWN_DPI), SHOWN_DPI)
 
 
 def html_image(figure: Figure, text: str) -> str:
@@ -124,25 +121,27 @@ def save(figure: Figure, path: str | Path) -> Path:
     >>> mean = result.illuminance["total"].mean("time", keep_attrs=True)
     >>> path = plots.save(plots.plan(mean), "plan.png")
     """
-    return _save(image_of(figure, DPI), Path(path))
+    return _save(pixels_of(figure, DPI), Path(path))
 
 
 def save_all(
-    figures: Mapping[str, Figure], folder: Path, progress: Progress = lambda share: None
-) -> list[Path]:
+    figures: Mapping[str, Figure], folder: Path, progress: Progress = lambda share: None,
+    drawn: DrawnParts | None = None,
+) -> list[Path]:  # fmt: skip
     """Write figures by file name as `save` does, and return their paths.
 
-    An image is compressed in a thread while the next one is drawn.
+    A picture is compressed in a thread while the next one is drawn. Parts that were `drawn` before,
+    of figures of another folder, are not drawn again.
     """
-    saving = Behind()
+    saving, drawn = Behind(), DrawnParts() if drawn is None else drawn
     with saving.opened():
         for number, (name, figure) in enumerate(figures.items(), start=1):
-            saving.do(partial(_save, image_of(figure, DPI), folder / name))
+            saving.do(partial(_save, pixels_of(figure, DPI, drawn), folder / name))
             progress(number / len(figures))
     return [folder / name for name in figures]
 
 
-def _save(image: Image.Image, path: Path) -> Path:
+def _save(pixels: np.ndarray, path: Path) -> Path:
     with storage.whole(path) as part:
-        write(image, part)
+        write(pixels, part)
     return path

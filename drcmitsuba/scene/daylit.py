@@ -15,7 +15,7 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.sensors import AnySensors
-from drcmitsuba.model.model import Layer, Model
+from drcmitsuba.model.model import Layer, Model, ModelShape
 from drcmitsuba.model.notes import Notes
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
@@ -88,12 +88,13 @@ def _darkness(case: Case) -> Darkness | None:
     matt = case.without_polish()
     if matt.standing:
         return None
-    return darkness_of(matt.building, case.sensors, case.source, mi.variant())
+    return darkness_of(matt.building.shape, case.sensors, case.source, mi.variant())
 
 
 @lru_cache(maxsize=64)  # all rows of a study are asked for one by one, several times
-def darkness_of(model: Model, sensors: AnySensors, source: str, variant: str) -> Darkness:
-    """Find what daylight does not reach in a model, once for a model and a variant."""
+def darkness_of(shape: ModelShape, sensors: AnySensors, source: str, variant: str) -> Darkness:
+    """Find what daylight does not reach in models of one shape, once for them and a variant."""
+    model = shape.model
     panes = panes_of_model(model)
     low = np.min([layer.quads.min(axis=(0, 1)) for layer in model.layers], axis=0)
     on_walls = _on_walls(model, panes, low)

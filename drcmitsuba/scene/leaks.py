@@ -15,7 +15,7 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.sensors import AnySensors
-from drcmitsuba.model.model import Model
+from drcmitsuba.model.model import Model, ModelShape
 from drcmitsuba.model.space import space_at
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
@@ -87,16 +87,17 @@ def _leak(case: Case) -> Leak | None:
     """Leak of a case's model; None where it has none, or where it is not looked for."""
     if not case.building.layers or case.model is None or case.model.leaks == "allow":
         return None
-    return leak_of(case.building, case.sensors, case.source, mi.variant())
+    return leak_of(case.building.shape, case.sensors, case.source, mi.variant())
 
 
 @lru_cache(maxsize=64)  # all rows of a study are asked for one by one, several times
-def leak_of(model: Model, sensors: AnySensors, source: str, variant: str) -> Leak | None:
+def leak_of(shape: ModelShape, sensors: AnySensors, source: str, variant: str) -> Leak | None:
     """Leak of a model's rooms, those of the sensors; None where they are closed.
 
-    It is looked for once for a model and a variant of Mitsuba; errors are those of
+    It is looked for once for models of one shape and a variant of Mitsuba; errors are those of
     `sensors.sensors_of_model`.
     """
+    model = shape.model
     placed = sensors_of_model(model, sensors, source, variant, outside=False)
     if placed.outside:
         return None

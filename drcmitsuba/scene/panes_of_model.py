@@ -14,7 +14,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.model.materials import BsdfMaterial
-from drcmitsuba.model.model import Model, areas
+from drcmitsuba.model.model import Model, ModelShape, areas
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.geometry import normals, points_on, reversed_quads, turn
@@ -52,9 +52,15 @@ class ModelPanes:
     """Quads of every layer of the model, those of panes with their fronts towards the room."""
 
 
-@lru_cache(maxsize=4)
 def panes_of_model(model: Model) -> ModelPanes:
-    """Turn the panes of a model towards its rooms."""
+    """Turn the panes of a model towards its rooms, once for models of one shape."""
+    return _panes_of(model.shape)
+
+
+@lru_cache(maxsize=4)
+def _panes_of(shape: ModelShape) -> ModelPanes:
+    """Panes of all models of a shape."""
+    model = shape.model
     members: list[tuple[int, int, np.ndarray]] = []
     for i, layer in enumerate(model.layers):
         if layer.role == "pane":

@@ -21,7 +21,7 @@ from drcmitsuba.case.sensors import (
     Sensors,
     SpaceSensors,
 )
-from drcmitsuba.model.model import Model, SensorGrid
+from drcmitsuba.model.model import Model, ModelShape, SensorGrid
 from drcmitsuba.model.notes import MOST_NAMES, Notes
 from drcmitsuba.model.space import Space, space_at
 from drcmitsuba.runtime.errors import InputError
@@ -206,16 +206,15 @@ def _in_all_spaces(case: Case) -> PlacedSensors:
     return made.without(held, where) if held.any() else made
 
 
-@lru_cache(maxsize=4)
 def sensors_of_model(
     model: Model, sensors: AnySensors, source: str, variant: str, outside: bool
 ) -> PlacedSensors:
     """Sensors of a model, in its own frame [m].
 
-    They are made once for a model and a variant of Mitsuba. Listed points on a surface are lifted
-    by 1 mm along their normals, and those of a grid by rule left out there; points outside of the
-    rooms are left out unless they shall count (`outside`), or no other ones are there. Each has a
-    note.
+    They are made once for models of one shape and a variant of Mitsuba. Listed points on a surface
+    are lifted by 1 mm along their normals, and those of a grid by rule left out there; points
+    outside of the rooms are left out unless they shall count (`outside`), or no other ones are
+    there. Each has a note.
 
     Raises
     ------
@@ -223,6 +222,15 @@ def sensors_of_model(
         The sensors are unfit, or one of them stays within 1 mm of a surface; the error names the
         `source`.
     """
+    return _sensors_of(model.shape, sensors, source, variant, outside)
+
+
+@lru_cache(maxsize=4)
+def _sensors_of(
+    shape: ModelShape, sensors: AnySensors, source: str, variant: str, outside: bool
+) -> PlacedSensors:
+    """Sensors of all models of a shape, see `sensors_of_model`."""
+    model = shape.model
     made = PlacedSensors(_placed(model, sensors, source))
     points = made.points
     on = on_a_surface(model, points)

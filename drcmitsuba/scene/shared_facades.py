@@ -160,9 +160,8 @@ def _of_models(cases: Sequence[Case]) -> SharedFacades:
     every = [*like_panes(first)]
     if not every:
         raise InputError(first.source, "model.files", "no pane to the outside", "give them panes")
-    for case in cases:
-        _refuse_other_panes(case, first, every)
-    kinds = [_kinds(cases, panes) for panes in every]
+    placed = [_placed(case, first, every) for case in cases]
+    kinds = [_kinds(cases, panes, states) for panes, *states in zip(every, *placed, strict=True)]
     fills = [(OPEN, *names) for names in (tuple(of)[1:] for of in kinds)]
     states = GroupStates(tuple(map(str, every)), tuple(fills))
     assigned = assigned_to(first, [(panes, g) for g, panes in enumerate(every)])
@@ -173,12 +172,12 @@ def _of_models(cases: Sequence[Case]) -> SharedFacades:
     )  # fmt: skip
     known = [[*of.values()] for of in kinds]
     drawn, members = [], []
-    for case in cases:
+    for case, of_groups in zip(cases, placed, strict=True):
         rows, of_case = {}, {}
         for g, (own, materials) in enumerate(zip(every, known, strict=True)):
             fill = materials.index(_drawn(case, own))
             rows[g] = np.eye(len(materials), dtype=np.float32)[fill]
-            group, further = _states(case, own)
+            group, further = of_groups[g]
             if further:
                 of_case[g] = Member(group, tuple(map(materials.index, further)))
         drawn.append(rows)
@@ -187,6 +186,16 @@ def _of_models(cases: Sequence[Case]) -> SharedFacades:
     return SharedFacades(
         bare, panes, tuple(drawn), tuple(members), tuple(tuple(of.values()) for of in kinds)
     )
+
+
+_States = tuple[int, tuple[SurfaceMaterial | None, ...]]
+"""Number of a group, and the materials of its further states."""
+
+
+def _placed(case: Case, first: Case, every: Sequence[LikePanes]) -> list[_States]:
+    """Group of `[groups]` and its states by opening, of a case with the panes of the first one."""
+    _refuse_other_panes(case, first, every)
+    return [_states(case, panes) for panes in every]
 
 
 def _refuse_other_panes(case: Case, first: Case, every: Sequence[LikePanes]) -> None:
@@ -209,7 +218,9 @@ def _refuse_other_panes(case: Case, first: Case, every: Sequence[LikePanes]) -> 
             raise InputError(case.source, f"materials.{own.name}", got, "evaluate each case")
 
 
-def _kinds(cases: Sequence[Case], panes: LikePanes) -> dict[str, SurfaceMaterial | None]:
+def _kinds(
+    cases: Sequence[Case], panes: LikePanes, states: Sequence[_States]
+) -> dict[str, SurfaceMaterial | None]:
     """Fills of an opening by name: the first case's, those of the others, states, the shade."""
     kinds: dict[str, SurfaceMaterial | None] = {panes.name: _drawn(cases[0], panes)}
 
@@ -221,9 +232,9 @@ def _kinds(cases: Sequence[Case], panes: LikePanes) -> dict[str, SurfaceMaterial
             number += 1
         kinds[each] = material
 
-    for case in cases:
+    for case, (_, further) in zip(cases, states, strict=True):
         add(panes.name, _drawn(case, panes))
-        for material in _states(case, panes)[1]:
+        for material in further:
             add(f"{panes.name} closed", material)
     shading = cases[0].shading
     if shading is not None and any(map(shade_covers, kinds.values())):
@@ -238,7 +249,7 @@ def _drawn(case: Case, panes: LikePanes) -> SurfaceMaterial:
     return case.materials.get(layer.name, layer.material)
 
 
-def _states(case: Case, panes: LikePanes) -> tuple[int, tuple[SurfaceMaterial | None, ...]]:
+def _states(case: Case, panes: LikePanes) -> _States:
     """Group of `[groups]` that panes belong to, and their materials in its further states."""
     groups = prepared(case).groups
     group = groups.of_panes(panes)

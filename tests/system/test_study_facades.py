@@ -77,11 +77,11 @@ def test_rows_are_those_of_variants_by_their_own_thresholds(plan, cases, tmp_pat
 def test_a_stop_keeps_the_rows_that_are_done(plan, tmp_path, monkeypatch):
     whole, begun = SharedElements.evaluate, []
 
-    def stopped(self, number, judged):
+    def stopped(self, number):
         begun.append(number)
         if len(begun) == 4:
             raise KeyboardInterrupt
-        return whole(self, number, judged)
+        return whole(self, number)
 
     monkeypatch.setattr(SharedElements, "evaluate", stopped)
     with pytest.raises(KeyboardInterrupt):

@@ -43,6 +43,8 @@ sparse = lazy.module("scipy.sparse")
 
 MOST_PAIRS = 1 << 28
 """Largest number of pairs of a sensor and a cell that a matrix holds; beyond it, paths are kept."""
+NEGLIGIBLE = 1e-6
+"""Share of the light that openings send back which a sum over its returns may leave out."""
 RETURNS = 3
 """Times that light is sent back by openings; what returns more often, some 10⁻⁵ of E, is lost."""
 
@@ -271,9 +273,9 @@ class SolvedReturn:
 
     def weighed(self, shares: np.ndarray) -> np.ndarray:
         """Light of sensors from blocks, see `SentBack`."""
-        once = self.bounces @ self.between.weighed(shares)
-        whole = np.linalg.inv(np.eye(len(once)) - once).astype(np.float32)
-        return np.asarray((self.onto @ once + self.sensors.weighed(shares)) @ whole)
+        returned = all_powers(self.bounces @ self.between.weighed(shares))
+        back = self.sensors.weighed(shares)
+        return np.asarray(back + (self.onto + sparse.csr_matrix(back)) @ returned)
 
     def add(self, E: np.ndarray, D: np.ndarray, year: Year) -> None:
         """Add the light of a year, see `SentBack`."""
@@ -285,3 +287,19 @@ class SolvedReturn:
             X = D + back
         E += (self.onto @ back.T).T
         self.sensors.add(E, X, year)
+
+
+def all_powers(once: np.ndarray) -> np.ndarray:
+    """Light between blocks after one return or more: O + O² + O³ + …, from that after one, O.
+
+    The number of powers doubles with each step, S₂ₖ = Sₖ + Oᵏ Sₖ. Openings send back little light:
+    there are half as many products as an inverse of 1 − O is worth.
+    """
+    power = once @ once
+    total = once + power
+    while (most := abs(power).sum(axis=1).max()) > NEGLIGIBLE:
+        total = total + power @ total
+        if most**2 <= NEGLIGIBLE:
+            break
+        power = power @ power
+    return total

@@ -3,6 +3,7 @@
 import itertools
 import subprocess
 import sys
+from io import BytesIO
 
 import numpy as np
 import pytest
@@ -15,7 +16,9 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from PIL import Image
 
-from drcmitsuba.report import plots
+from drcmitsuba.report import plots, style
+from drcmitsuba.report.png import encoded
+from drcmitsuba.report.standing import DrawnParts
 from drcmitsuba.report.tiles import SensorTiles
 from drcmitsuba.runtime.errors import InputError
 
@@ -244,17 +247,27 @@ def test_save_that_fails_keeps_the_older_file(tmp_path, monkeypatch):
     path = tmp_path / "year.png"
     path.write_text("older")
 
-    def full_disk(image, part, **_):
+    def full_disk(pixels, part):
         part.write_bytes(b"half")
         raise OSError("no space left on device")
 
-    monkeypatch.setattr(Image.Image, "save", full_disk)
+    monkeypatch.setattr(style, "write", full_disk)
     with pytest.raises(OSError, match="no space"):
         plots.save(plots.monthly(year()), path)
     with pytest.raises(OSError, match="no space"):
         plots.save_all({"year.png": plots.monthly(year())}, tmp_path)
     assert path.read_text() == "older"
     assert [p.name for p in tmp_path.iterdir()] == ["year.png"]
+
+
+@pytest.mark.parametrize(("opacity", "mode"), [(255, "RGB"), (128, "RGBA")])
+def test_a_png_holds_every_pixel_and_the_resolution(opacity, mode):
+    pixels = np.random.default_rng(1).integers(0, 256, (5, 7, 4), np.uint8)
+    pixels[..., 3] = opacity
+    read = Image.open(BytesIO(encoded(pixels, 150)))
+    assert read.mode == mode
+    assert np.asarray(read.convert("RGBA")).tolist() == pixels.tolist()
+    assert read.info["dpi"] == pytest.approx((150, 150), abs=0.02)
 
 
 def test_figures_that_are_saved_together_are_the_files_of_each(tmp_path):
@@ -282,3 +295,22 @@ def test_a_picture_does_not_replace_a_folder(tmp_path):
 def test_nothing_global_is_touched():
     code = "import sys, drcmitsuba.report.plots; sys.exit('matplotlib.pyplot' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_standing_parts_that_another_figure_drew_leave_every_pixel_as_it_is(tmp_path):
+    wide, deep = grid(6, 4), grid(4, 6)
+    figures = {
+        "high.png": plots.plan(wide, title="high", caption="a", limit=500),
+        "low.png": plots.plan(0.5 * wide, title="low", caption="b", limit=500, contours=(200,)),
+        "free.png": plots.plan(wide, title="low", caption="b"),
+        "deep.png": plots.plan(deep, title="deep", caption="c", limit=500, limit_label="level"),
+        "year.png": plots.monthly(year(), title="year"),
+        "other.png": plots.monthly(year() | {"sDA": year()["ASE"]}, title="other", shade=False),
+        "last.png": plots.monthly(year() | {"sDA": year()["ASE"]}, title="last", rated=True),
+    }
+    drawn = DrawnParts()
+    for name, figure in figures.items():
+        for folder in ("first", "again"):
+            plots.save_all({name: figure}, tmp_path / folder, drawn=drawn)
+            whole = plots.save(figure, tmp_path / "whole.png").read_bytes()
+            assert (tmp_path / folder / name).read_bytes() == whole

@@ -1,0 +1,84 @@
+"""Standing parts of figures: what many figures have in common is drawn once.
+
+Axes with their ticks and labels, and legends, take most of the time of a plan of few sensors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+
+class Standing(NamedTuple):
+    """Parts of a figure that stand below all others, and what they follow from."""
+
+    source: Hashable
+    """All that decides how they look: parts of equal sources look alike at one resolution."""
+    artists: tuple[Artist, ...]
+    """In the order in which they are drawn."""
+
+
+class SheetFigure(Figure):
+    """Figure that tells its standing parts."""
+
+    standing = Standing(None, ())
+
+    def stands(self, source: Hashable, *artists: Artist) -> None:
+        """State the standing parts, besides the paper of the figure and of its axes."""
+        paper = (self.patch, *(ax.patch for ax in self.axes))
+        self.standing = Standing(source, (*paper, *artists))
+
+
+class DrawnParts:
+    """Pixels of standing parts that were drawn before."""
+
+    def __init__(self) -> None:
+        self._known: dict[Hashable, Any] = {}
+
+    def pixels(self, figure: Figure, dpi: int) -> np.ndarray:
+        """Draw a figure: red, green, blue and opacity, uint8, shape (row, column, 4)."""
+        before, canvas = figure.dpi, figure.canvas
+        try:
+            figure.dpi = dpi
+            renderer: Any = FigureCanvasAgg(figure).get_renderer()
+            if isinstance(figure, SheetFigure):
+                self._begin(figure, renderer)
+                with _hidden(figure.standing.artists):
+                    figure.draw(renderer)
+            else:
+                figure.draw(renderer)
+        finally:
+            figure.dpi = before
+            figure.set_canvas(canvas)
+        return np.asarray(renderer.buffer_rgba())
+
+    def _begin(self, figure: SheetFigure, renderer: Any) -> None:
+        """Draw the standing parts of a figure, or put their pixels in place."""
+        source = type(figure.standing.source), figure.standing.source, figure.dpi
+        if source in self._known:
+            renderer.restore_region(self._known[source])
+            return
+        for ax in figure.axes:
+            ax.apply_aspect()
+        for artist in figure.standing.artists:
+            artist.draw(renderer)
+        self._known[source] = renderer.copy_from_bbox(figure.bbox)
+
+
+@contextmanager
+def _hidden(artists: Sequence[Artist]) -> Iterator[None]:
+    """Hide artists while the block runs."""
+    seen = [artist for artist in artists if artist.get_visible()]
+    for artist in seen:
+        artist.set_visible(False)
+    try:
+        yield
+    finally:
+        for artist in seen:
+            artist.set_visible(True)
