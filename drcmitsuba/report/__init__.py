@@ -21,9 +21,7 @@ document
 colour_scale
     From numbers to colours, and the bar beside them.
 style
-    Colours, lines and files of figures.
-png
-    PNG files from pixels.
+    Colours, lines and PNG files.
 captions
     Weather, period and accuracy in words.
 """

@@ -16,15 +16,16 @@ import textwrap
 import warnings
 from collections.abc import Mapping
 from functools import partial
+from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
+from PIL import Image
 
-from drcmitsuba.report.png import encoded
 from drcmitsuba.report.standing import DrawnParts
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.background import Behind
@@ -85,14 +86,16 @@ def pixels_of(figure: Figure, dpi: int, drawn: DrawnParts | None = None) -> np.n
         return (DrawnParts() if drawn is None else drawn).pixels(figure, dpi)
 
 
-def write(pixels: np.ndarray, file: Path) -> None:
+def write(pixels: np.ndarray, file: Path | IO[bytes], dpi: int = DPI) -> None:
     """Write pixels as PNG."""
-    file.write_bytes(encoded(pixels, DPI))
+    Image.fromarray(pixels).save(file, format="PNG", compress_level=3, dpi=(dpi, dpi))
 
 
 def png(figure: Figure) -> bytes:
     """Return a figure as PNG, as Jupyter shows it."""
-    return encoded(pixels_of(figure, SHOWN_DPI), SHOWN_DPI)
+    buffer = BytesIO()
+    write(pixels_of(figure, SHOWN_DPI), buffer, SHOWN_DPI)
+    return buffer.getvalue()
 
 
 def html_image(figure: Figure, text: str) -> str:

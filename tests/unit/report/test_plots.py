@@ -3,7 +3,6 @@
 import itertools
 import subprocess
 import sys
-from io import BytesIO
 
 import numpy as np
 import pytest
@@ -14,10 +13,8 @@ from matplotlib.collections import PathCollection, QuadMesh
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.image import imread
-from PIL import Image
 
 from drcmitsuba.report import plots, style
-from drcmitsuba.report.png import encoded
 from drcmitsuba.report.standing import DrawnParts
 from drcmitsuba.report.tiles import SensorTiles
 from drcmitsuba.runtime.errors import InputError
@@ -258,16 +255,6 @@ def test_save_that_fails_keeps_the_older_file(tmp_path, monkeypatch):
         plots.save_all({"year.png": plots.monthly(year())}, tmp_path)
     assert path.read_text() == "older"
     assert [p.name for p in tmp_path.iterdir()] == ["year.png"]
-
-
-@pytest.mark.parametrize(("opacity", "mode"), [(255, "RGB"), (128, "RGBA")])
-def test_a_png_holds_every_pixel_and_the_resolution(opacity, mode):
-    pixels = np.random.default_rng(1).integers(0, 256, (5, 7, 4), np.uint8)
-    pixels[..., 3] = opacity
-    read = Image.open(BytesIO(encoded(pixels, 150)))
-    assert read.mode == mode
-    assert np.asarray(read.convert("RGBA")).tolist() == pixels.tolist()
-    assert read.info["dpi"] == pytest.approx((150, 150), abs=0.02)
 
 
 def test_figures_that_are_saved_together_are_the_files_of_each(tmp_path):
