@@ -26,7 +26,7 @@ from drcmitsuba.runtime.progress import Progress
 LAST = 12
 """Largest number of steps by all hours, after those by few."""
 QUICK = 5
-"""The same for a point of a Pareto front."""
+"""The same for a point of a Pareto front, and after a sweep."""
 EVALUATIONS = 3
 """Largest number of evaluations for each step: where no façade holds the limits, SLSQP does not end
 by itself."""

@@ -26,8 +26,9 @@ APART = 0.1
 """Distance of these, as a fraction of the range between the bounds."""
 FEW = 6
 """Largest number of free values for which a pattern search follows the gradient search."""
-PATTERN = (0.05, 0.02, 0.01)
-"""Lengths of the pattern's steps, as fractions of the range between the bounds."""
+PATTERN, QUICK_PATTERN = (0.05, 0.02, 0.01), (0.05, 0.02)
+"""Lengths of the pattern's steps, as fractions of the range between the bounds; the same for a
+point of a Pareto front."""
 ROUNDS = 20
 """Largest number of rounds of the pattern with one length."""
 
@@ -66,8 +67,9 @@ def sweep(sharpness: float, history: FacadeHistory, progress: Progress) -> None:
 
 
 def from_sketches(
-    history: FacadeHistory, progress: Progress, *, label: str, ase_limit: float | None
-) -> None:
+    history: FacadeHistory, progress: Progress, *, label: str, ase_limit: float | None,
+    lengths: Sequence[float] = PATTERN,
+) -> None:  # fmt: skip
     """Evaluate the best sketches under a limit of ASE [%], and search by a pattern from there.
 
     They lie apart: of neighbours, all may pass the limit by all hours.
@@ -80,7 +82,7 @@ def from_sketches(
             taken.append(sketch.x)
             if sketch.x.tobytes() not in known:
                 history.evaluate(sketch.x, label, sketch.sharpness)
-    pattern_search(history, progress, label=label, ase_limit=ase_limit)
+    pattern_search(history, progress, label=label, ase_limit=ase_limit, lengths=lengths)
 
 
 def best_within(history: FacadeHistory, ase_limit: float | None) -> FacadeCandidate:
@@ -96,12 +98,13 @@ def _merit(
 
 
 def pattern_search(
-    history: FacadeHistory, progress: Progress, *, label: str, ase_limit: float | None
-) -> None:
+    history: FacadeHistory, progress: Progress, *, label: str, ase_limit: float | None,
+    lengths: Sequence[float] = PATTERN,
+) -> None:  # fmt: skip
     """Search about the best candidate under a limit of ASE [%], with ever shorter steps."""
     known = {candidate.x.tobytes() for candidate in history.candidates}
     steps = directions(history.problem.size)
-    for i, length in enumerate(PATTERN):
+    for i, length in enumerate(lengths):
         for _ in range(ROUNDS):
             before = best_within(history, ase_limit)
             for x in np.clip(before.x + length * steps, 0, 1):
@@ -111,7 +114,7 @@ def pattern_search(
             now = best_within(history, ase_limit)
             if now.hard.rank <= before.hard.rank and now.hard.ase >= before.hard.ase:
                 break
-        progress((i + 1) / len(PATTERN))
+        progress((i + 1) / len(lengths))
 
 
 def directions(size: int) -> np.ndarray:

@@ -25,6 +25,7 @@ from drcmitsuba.design.area_search import FacadeHistory, lower_area
 from drcmitsuba.design.gradient_search import LAST, QUICK, continuation
 from drcmitsuba.design.hard_search import (
     FEW,
+    QUICK_PATTERN,
     best_within,
     from_sketches,
     pattern_search,
@@ -123,18 +124,19 @@ def optimise(
         The search was stopped before anything was evaluated.
     """
     limit, sharpness, last = problem.goal.ase_limit, search.sharpness, search.sharpness[-1]
+    last_steps = LAST
     searches: list[LocalSearch] = [partial(scan, known, last)] if len(known) else []
     starts: list[np.ndarray | None] = [None] if len(known) else []
     if sweeps(problem):
         start = partial(from_sketches, label="sweep", ase_limit=limit)
         searches, starts = [*searches, partial(sweep, last), start], [None]
-        sharpness = (last,)
+        sharpness, last_steps = (last,), QUICK
     else:
         rng = np.random.default_rng(search.seed)
         starts.append(problem.start)
         starts += [rng.random(problem.size) for _ in range(search.starts - 1)]
     for i, x in enumerate(starts, 1):
-        stages = f"start {i}", x, sharpness, search.iterations, LAST, limit
+        stages = f"start {i}", x, sharpness, search.iterations, last_steps, limit
         searches.append(partial(continuation, *stages))
     searches += _by_hard_numbers(problem)
     return Optimum.of(History(problem), searches, progress)
@@ -207,7 +209,7 @@ def _under(
             return
         start = above.x
     if history.sketches:
-        from_sketches(history, progress, label=label, ase_limit=limit)
+        from_sketches(history, progress, label=label, ase_limit=limit, lengths=QUICK_PATTERN)
     else:
         continuation(label, start, sharpness, iterations, last_steps, limit, history, progress)
 
