@@ -15,6 +15,7 @@ from itertools import product
 import numpy as np
 
 from drcmitsuba.design.area_search import FacadeHistory
+from drcmitsuba.design.measure import HARD
 from drcmitsuba.design.problem import FacadeCandidate, FacadeProblem
 from drcmitsuba.runtime.progress import Progress
 
@@ -50,9 +51,11 @@ def scan(
 def sweep(sharpness: float, history: FacadeHistory, progress: Progress) -> None:
     """Sketch designs at all levels of the free values, by few hours.
 
-    The start is evaluated by all hours, and so is each sketch that is better than those before.
+    The start is evaluated by all hours, and so is each sketch that is better than those before. All
+    are rated by hard numbers alone, but where slopes tell how an area gets less, see `lower_area`.
     """
     problem, best = history.problem, None
+    sharpness = HARD if problem.goal.least is None else sharpness
     few, levels = problem.in_few_hours, LEVELS[problem.size]
     history.evaluate(problem.start, "start", sharpness)
     for i, level in enumerate(product(np.linspace(0, 1, levels), repeat=problem.size)):
@@ -103,14 +106,14 @@ def pattern_search(
 ) -> None:  # fmt: skip
     """Search about the best candidate under a limit of ASE [%], with ever shorter steps."""
     known = {candidate.x.tobytes() for candidate in history.candidates}
-    steps = directions(history.problem.size)
+    steps, swept = directions(history.problem.size), [s.sharpness for s in history.sketches[:1]]
     for i, length in enumerate(lengths):
         for _ in range(ROUNDS):
             before = best_within(history, ase_limit)
             for x in np.clip(before.x + length * steps, 0, 1):
                 if x.tobytes() not in known:
                     known.add(x.tobytes())
-                    history.evaluate(x, label, before.sharpness)
+                    history.evaluate(x, label, *(swept or [before.sharpness]))
             now = best_within(history, ase_limit)
             if now.hard.rank <= before.hard.rank and now.hard.ase >= before.hard.ase:
                 break

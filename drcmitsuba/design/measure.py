@@ -43,6 +43,8 @@ SOFTEST = 50.0
 """Months, or margins, within SOFTEST / sharpness [%] of the lowest count as the worst together."""
 SHORT = 1e-6
 """Least distance from 0 of the margin of a level that the standard's count does not reach [%]."""
+HARD = 0.0
+"""Sharpness of a design of which hard numbers alone were computed."""
 ASE_TOLERANCE = 1e-9
 """Largest excess of ASE over its limit that still holds the limit [%]."""
 
@@ -101,7 +103,8 @@ class RatedCandidate:
         """
         over = 0.0 if ase_limit is None else max(self.hard.ase - ase_limit - ASE_TOLERANCE, 0.0)
         over += glare_excess
-        return -area_error, -over, *self.hard.rank, self.sharpness, self.smooth.value
+        smooth = 0.0 if self.sharpness == HARD else self.smooth.value
+        return -area_error, -over, *self.hard.rank, self.sharpness, smooth
 
 
 class RatedProblem:

@@ -30,7 +30,7 @@ import numpy as np
 
 from drcmitsuba.design.facade_year import FacadeYear
 from drcmitsuba.design.goal import Goal
-from drcmitsuba.design.measure import Measure, RatedCandidate, RatedProblem, Score
+from drcmitsuba.design.measure import HARD, Measure, RatedCandidate, RatedProblem, Score
 from drcmitsuba.design.parameters import Factor, Map, Parameter, Values
 from drcmitsuba.design.slopes import Graph, LaterSlopes
 from drcmitsuba.runtime.errors import InputError
@@ -72,6 +72,10 @@ class FacadeScore(Score):
         return min(self.margin, 0.0), EQUAL * round(self.value / EQUAL), self.margin
 
 
+UNKNOWN = FacadeScore(*[np.nan] * 5)
+"""Smooth numbers of a design of which hard ones alone were computed."""
+
+
 @dataclass(frozen=True, eq=False)
 class FacadeCandidate(RatedCandidate):
     """One composition with its scores and gradients.
@@ -82,38 +86,44 @@ class FacadeCandidate(RatedCandidate):
         Composition.
     slopes : LaterSlopes
         Gradients by x, which are computed when they are first asked for: a step that a search
-        rejects needs none.
+        rejects needs none. None where hard numbers alone were computed.
     """
 
     smooth: FacadeScore
     hard: FacadeScore
     share: np.ndarray
-    slopes: LaterSlopes
+    slopes: LaterSlopes | None
+
+    @property
+    def _slopes(self) -> dict[str, np.ndarray]:
+        """Gradients by name."""
+        assert self.slopes is not None
+        return self.slopes.of
 
     @property
     def gradient(self) -> np.ndarray:
         """Derivatives of the smooth objective [%], shape (free,)."""
-        return self.slopes.of["value"]
+        return self._slopes["value"]
 
     @property
     def ase_gradient(self) -> np.ndarray:
         """Derivatives of the smooth ASE [%], shape (free,)."""
-        return self.slopes.of["ase"]
+        return self._slopes["ase"]
 
     @property
     def area_gradient(self) -> np.ndarray:
         """Derivatives of the panes' area [m²], shape (free,)."""
-        return self.slopes.of["area"]
+        return self._slopes["area"]
 
     @property
     def aim_gradient(self) -> np.ndarray | None:
         """Derivatives of the smooth aim [%], shape (free,); None where it is the objective."""
-        return self.slopes.of.get("aim")
+        return self._slopes.get("aim")
 
     @property
     def glare_gradient(self) -> np.ndarray | None:
         """Derivatives of the smooth hours with glare [%]; None where these are not asked for."""
-        return self.slopes.of.get("glare")
+        return self._slopes.get("glare")
 
     @property
     def mixed(self) -> int:
@@ -258,13 +268,20 @@ class FacadeProblem(RatedProblem):
     def evaluate(self, x: np.ndarray, sharpness: float) -> FacadeCandidate:
         """Evaluate x (free,), 0 to 1 between the bounds: scores, and gradients of the smooth ones.
 
-        Smooth twins have the given sharpness.
+        Smooth twins have the given sharpness; with 0, hard numbers alone are computed.
         """
         for slopes in self._latest:  # a search asks for the gradients of a design at once, or never
             slopes.let_go()
         x = np.array(x, float)
+        values = self.values(mi.Float(np.clip(x, 0, 1).astype(np.float32)))
+        scale = self.scale(values)
+        if sharpness == HARD:
+            share, E = self.illuminance(values)
+            film, window = self._area(share, self.goal.film), self.window_area(share)
+            hard = self._hard(share, E, float(film[0]), float(window[0]), scale)
+            smooth = replace(UNKNOWN, glare=None if hard.glare is None else np.nan)
+            return FacadeCandidate(x, HARD, smooth, hard, share.numpy(), None)
         graph, smooth, share, E = self._graph(x, sharpness)
-        scale = self.scale(self.values(mi.Float(np.clip(x, 0, 1).astype(np.float32))))
         hard = self._hard(share, E, smooth.film_area, smooth.window_area, scale)
         self._latest[:] = [LaterSlopes(graph, lambda: self._graph(x, sharpness)[0])]
         return FacadeCandidate(x, sharpness, smooth, hard, share.numpy(), self._latest[0])

@@ -192,13 +192,14 @@ class Optimum(Generic[P, C]):
         return self.problem.holds(self.best)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the numbers of `optimum.json`."""
+        """Return the numbers of `optimum.json`, without smooth ones that were not computed."""
+        numbers = row(self.problem, self.best)
         return {
             "finished": self.finished,
             "feasible": self.is_feasible,
             "evaluations": self.evaluations,
             "seconds": round(self.seconds, 3),
-            **row(self.problem, self.best),
+            **{name: value for name, value in numbers.items() if not np.isnan(value)},
             **self.problem.details(self.best),
         }
 

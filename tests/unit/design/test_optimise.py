@@ -15,6 +15,7 @@ from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.design import gradient_search, pictures
 from drcmitsuba.design.facade_maps import Panes, Strips, Window
 from drcmitsuba.design.goal import Goal, LeastArea
+from drcmitsuba.design.measure import HARD
 from drcmitsuba.design.optimise import Search, optimise, pareto
 from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.design.problem import HOURS, FacadeProblem
@@ -266,6 +267,23 @@ def test_the_reported_number_is_that_of_the_metrics_at_the_composition(year):
     assert again.ase == optimum.best.hard.ase
     assert again.value == pytest.approx(optimum.best.hard.value, abs=1e-3)
     assert optimum.to_dict()["value"] == optimum.best.hard.value
+
+
+def test_hard_numbers_alone_are_those_beside_smooth_ones(year, tmp_path):
+    """A sweep needs no slopes; what was not computed is neither ranked nor written."""
+    problem, x = by_window(year), np.array([0.4, 0.7])
+    alone, both = problem.evaluate(x, HARD), problem.evaluate(x, 16.0)
+    assert alone.hard == both.hard
+    np.testing.assert_array_equal(alone.share, both.share)
+    assert np.isnan(alone.smooth.value)
+    assert problem.merit(both) > problem.merit(alone)
+    history = History(problem)
+    history.evaluate(x, "sweep", HARD)
+    Optimum(problem, history.best(), history, True).save(tmp_path)
+    numbers = json.loads((tmp_path / "optimum.json").read_text())
+    assert numbers["value"] == pytest.approx(both.hard.value)
+    assert not any(name.startswith("smooth") for name in numbers)
+    assert pd.read_csv(tmp_path / "history.csv")["smooth_value"].isna().all()
 
 
 def test_the_worst_month_is_an_aim_of_its_own(year):
