@@ -87,8 +87,9 @@ def pixels_of(figure: Figure, dpi: int, drawn: DrawnParts | None = None) -> np.n
 
 
 def write(pixels: np.ndarray, file: Path | IO[bytes], dpi: int = DPI) -> None:
-    """Write pixels as PNG."""
-    Image.fromarray(pixels).save(file, format="PNG", compress_level=3, dpi=(dpi, dpi))
+    """Write pixels as PNG, without their opacity: a figure's paper is opaque."""
+    picture = Image.fromarray(pixels).convert("RGB")
+    picture.save(file, format="PNG", compress_level=3, dpi=(dpi, dpi))
 
 
 def png(figure: Figure) -> bytes:

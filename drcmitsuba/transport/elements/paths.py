@@ -14,7 +14,7 @@ every cell the value of its block.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
@@ -76,7 +76,7 @@ class ElementPaths(Protocol):
 
     @property
     def blocks(self) -> int:
-        """Number of blocks of cells."""
+        """Number of blocks of cells of which openings may send light back."""
 
     def matrix(self, result: int) -> csr_matrix | np.ndarray:
         """G₀ of the sensors from the cells, shape (sensor, cell)."""
@@ -140,7 +140,7 @@ class FollowedPaths:
 
     @property
     def blocks(self) -> int:
-        """Number of blocks of cells."""
+        """Number of blocks of all cells."""
         return self._marked.blocks
 
     def matrix(self, result: int) -> csr_matrix | np.ndarray:
@@ -174,8 +174,8 @@ class SolvedPaths:
 
     @property
     def blocks(self) -> int:
-        """Number of blocks of cells."""
-        return self.transfer.blocks.count
+        """Number of blocks that rays reach by way of openings."""
+        return len(self._reached)
 
     @cached_property
     def _shut(self) -> Transfer:
@@ -187,7 +187,7 @@ class SolvedPaths:
         """W, shares of cells in the means over blocks, shape (block, cell)."""
         of, share = self.transfer.blocks.of.numpy(), self.transfer.blocks.share.numpy()
         place = of, np.arange(len(of))
-        return sparse.csr_matrix((share, place), (self.blocks, len(of)))
+        return sparse.csr_matrix((share, place), (self.transfer.blocks.count, len(of)))
 
     def matrix(self, result: int) -> np.ndarray:
         """G₀ of all bounces, see `ElementPaths`."""
@@ -205,31 +205,50 @@ class SolvedPaths:
 
     def onto_blocks(self, result: int) -> np.ndarray:
         """W + M·W·T₀, see `ElementPaths`."""
-        T = self._shut.matrix(result)
-        return np.asarray(self._all_bounces(result) @ (self._means @ T) + self._means)
+        T, W = self._shut.matrix(result), self._means
+        return np.asarray(self._all_bounces(result)[self._reached] @ (W @ T) + W[self._reached])
 
     def returned(self, result: int) -> SolvedReturn:
         """Rays with marks, from sensors and from cells."""
-        of = self.transfer.blocks.of.numpy()
-        source, cell, weight = (a.numpy() for a in self.transfer.bounces[result])
-        mark = self.transfer.marks[result].numpy()
-        here = np.flatnonzero((mark > 0) & (weight > 0))
-        share = self._means.data  # of every cell: each is in one block
-        order = np.argsort(self._means.indices)
-        between = MarkedLight(
-            of[source[here]], of[cell[here]], weight[here] * share[order][source[here]],
-            elements_of(mark[here]), (self.blocks, self.blocks),
-        )  # fmt: skip
-        onto, from_sensors = self._of_sensors(result, of)
-        return SolvedReturn(self._all_bounces(result), between, onto, from_sensors)
+        onto, *marked = self._marked[result]
+        place = np.searchsorted(self._reached, np.arange(self.transfer.blocks.count))
+        some = (
+            replace(rays, block=place[rays.block], shape=(rays.shape[0], self.blocks))
+            for rays in marked
+        )
+        return SolvedReturn(self._all_bounces(result), onto, *some, self._reached)
+
+    @cached_property
+    def _reached(self) -> np.ndarray:
+        """Blocks that rays reach by way of openings in any replicate, int, shape (reached,)."""
+        return np.unique(np.concatenate([m.block for _, *some in self._marked for m in some]))
+
+    @cached_property
+    def _marked(self) -> list[tuple[csr_matrix, MarkedLight, MarkedLight]]:
+        """G₁·P, and rays with marks from blocks and from sensors, of every replicate."""
+        each = range(len(self.transfer.marks))
+        return [(onto, self._between(r), marked) for r in each for onto, marked in [self._of_sensors(r)]]
 
     def _all_bounces(self, replicate: int) -> np.ndarray:
         """M, shape (block, block)."""
         return np.asarray(self._shut.all_bounces(range(replicate, replicate + 1)).numpy())
 
-    def _of_sensors(self, replicate: int, of: np.ndarray) -> tuple[csr_matrix, MarkedLight]:
+    def _between(self, replicate: int) -> MarkedLight:
+        """Rays with marks from blocks to blocks."""
+        blocks = self.transfer.blocks
+        of, share = blocks.of.numpy(), blocks.share.numpy()
+        source, cell, weight = (a.numpy() for a in self.transfer.bounces[replicate])
+        mark = self.transfer.marks[replicate].numpy()
+        here = np.flatnonzero((mark > 0) & (weight > 0))
+        source = source[here]
+        return MarkedLight(
+            of[source], of[cell[here]], weight[here] * share[source], elements_of(mark[here]),
+            (blocks.count, blocks.count),
+        )  # fmt: skip
+
+    def _of_sensors(self, replicate: int) -> tuple[csr_matrix, MarkedLight]:
         """Paths of the sensors in a replicate: G₁·P, and those with marks."""
-        parts = []
+        parts, of = [], self.transfer.blocks.of.numpy()
         for some in self.gathered.blocks:
             met, count = self.gathered.met(some), some.stop - some.start
             assert met.mark is not None
@@ -239,7 +258,7 @@ class SolvedPaths:
             there = weight > 0
             parts.append([a[there] for a in (sensor, of[cell], weight, mark)])
         sensor, block, weight, mark = (np.concatenate(a) for a in zip(*parts, strict=True))
-        shape, back = (self.sensors, self.blocks), mark > 0
+        shape, back = (self.sensors, self.transfer.blocks.count), mark > 0
         place = sensor[~back], block[~back]
         onto = sparse.csr_matrix((weight[~back], place), shape)
         by_mark = elements_of(mark[back])
@@ -253,12 +272,14 @@ class SolvedReturn:
 
     bounces: np.ndarray
     """M, shape (block, block)."""
-    between: MarkedLight
-    """t, rays from block to block by way of openings."""
     onto: csr_matrix
     """G₁·P, shape (sensor, block)."""
+    between: MarkedLight
+    """t, rays from every block to the `reached` ones by way of openings."""
     sensors: MarkedLight
-    """g, paths from sensors to blocks by way of openings."""
+    """g, paths from sensors to the `reached` blocks by way of openings."""
+    reached: np.ndarray
+    """Blocks whose light openings send back, of which alone X is needed, int, shape (reached,)."""
 
     @property
     def nbytes(self) -> int:
@@ -273,18 +294,18 @@ class SolvedReturn:
 
     def weighed(self, shares: np.ndarray) -> np.ndarray:
         """Light of sensors from blocks, see `SentBack`."""
-        returned = all_powers(self.bounces @ self.between.weighed(shares))
-        back = self.sensors.weighed(shares)
-        return np.asarray(back + (self.onto + sparse.csr_matrix(back)) @ returned)
+        once, G = self.bounces @ self.between.weighed(shares), self.sensors.weighed(shares)
+        returned = once + once @ all_powers(once[self.reached])
+        return np.asarray(G + self.onto @ returned + G @ returned[self.reached])
 
     def add(self, E: np.ndarray, D: np.ndarray, year: Year) -> None:
         """Add the light of a year, see `SentBack`."""
-        X, back = D, np.zeros_like(D)
+        X, sent = D, np.empty((len(D), len(self.bounces)), np.float32)
         for _ in range(RETURNS):
-            sent = np.zeros_like(D)
+            sent.fill(0)
             self.between.add(sent, X, year)
             back = sent @ self.bounces.T
-            X = D + back
+            X = D + back[:, self.reached]
         E += (self.onto @ back.T).T
         self.sensors.add(E, X, year)
 
@@ -297,7 +318,7 @@ def all_powers(once: np.ndarray) -> np.ndarray:
     """
     power = once @ once
     total = once + power
-    while (most := abs(power).sum(axis=1).max()) > NEGLIGIBLE:
+    while (most := abs(power).sum(axis=1).max(initial=0)) > NEGLIGIBLE:
         total = total + power @ total
         if most**2 <= NEGLIGIBLE:
             break
