@@ -226,8 +226,11 @@ class SolvedPaths:
     @cached_property
     def _marked(self) -> list[tuple[csr_matrix, MarkedLight, MarkedLight]]:
         """G₁·P, and rays with marks from blocks and from sensors, of every replicate."""
-        each = range(len(self.transfer.marks))
-        return [(onto, self._between(r), marked) for r in each for onto, marked in [self._of_sensors(r)]]
+        parts = []
+        for replicate in range(len(self.transfer.marks)):
+            onto, from_sensors = self._of_sensors(replicate)
+            parts.append((onto, self._between(replicate), from_sensors))
+        return parts
 
     def _all_bounces(self, replicate: int) -> np.ndarray:
         """M, shape (block, block)."""

@@ -26,6 +26,7 @@ from drcmitsuba.transport.elements.light import ElementLight, LightByElement
 from drcmitsuba.transport.elements.marked_light import MarkedLight
 from drcmitsuba.transport.elements.mixed_rows import Rows, mixed
 from drcmitsuba.transport.elements.state_illuminances import Illuminances
+from drcmitsuba.transport.elements.straight_pairs import StraightPairs
 
 
 class _Part(NamedTuple):
@@ -51,18 +52,18 @@ class SmoothYear:
     """Numbers of bins, blocks and sensors."""
     closings: tuple[mi.TensorXf, ...]
     """Matrices (element + 1, element + 1) that turn shares into those of each further state."""
-    besides: tuple[mi.Float, mi.Float, mi.Float]
-    """C, block means of D, and C by straight light, of light that passes no opening."""
+    besides: tuple[mi.Float, mi.Float]
+    """C and block means of D of light that passes no opening."""
     same: _Part
     """Elements whose shares no state changes."""
     opened: _Part
     """The others that may have a share while everything is open."""
     closed: tuple[_Part, ...]
     """The others that may have a share in each further state; none without a shade."""
-    straight: tuple[np.ndarray, Rows]
-    """Elements that straight light passes and the coefficients of each, flat (bin, sensor) [sr]."""
-    groups: tuple[np.ndarray, ...]
-    """Among these, those of each group of panes where there are several, int, shape (some,)."""
+    straight: StraightPairs
+    """Straight light of the open state."""
+    groups: tuple[StraightPairs, ...]
+    """That by each group of panes where there are several."""
     returned: tuple[mi.UInt32, mi.UInt32, tuple[mi.UInt32, ...], mi.Float]
     """Sensor, block, elements and weight of paths that met openings; the number of all elements
     stands for none."""
@@ -115,17 +116,19 @@ class SmoothYear:
                 at, *(tuple(known[n, e] for e in at.tolist()) for n in ("total", "blocks"))
             )
 
-        lit = [element.is_lit["straight"] for element in elements]
-        passed = np.flatnonzero(lit & is_open)
-        total, blocks, straight = (
-            _rows([light.besides], name, bins)[0] for name in ("total", "blocks", "straight")
-        )
+        def straight(mask: np.ndarray) -> StraightPairs:
+            every = (*elements, light.besides)
+            some = {int(e): (every[e].bins, every[e].pairs) for e in np.flatnonzero(mask)}
+            return StraightPairs.of(some, bins, len(light.positions))
+
+        groups = () if group is None else range(group.max(initial=-1) + 1)
+        total, blocks = (_rows([light.besides], name, bins)[0] for name in ("total", "blocks"))
         return cls(
             months=sky["clock"].dt.month.values,
             step_hours=daylight.step_hours,
             shape=(len(bins), light.besides.blocks.shape[2], len(light.positions)),
             closings=tuple(mi.TensorXf(np.pad(m, (0, 1)) + no_opening) for m in closings),
-            besides=(total, blocks, straight),
+            besides=(total, blocks),
             same=part(is_open & ~moves),
             opened=part(is_open & moves),
             # Of what some other state covers, shares may stay in this one.
@@ -135,12 +138,8 @@ class SmoothYear:
             )
             if moves.any()
             else (),
-            straight=(passed, _rows([elements[e] for e in passed], "straight", bins)),
-            groups=()
-            if group is None
-            else tuple(
-                np.flatnonzero(group[passed] == g) for g in range(group.max(initial=-1) + 1)
-            ),
+            straight=straight(np.append(is_open, True)),
+            groups=tuple(straight(is_open & (group == g)) for g in groups),
             returned=_returned(light),
             sky=mi.TensorXf(sky["sky"].values.astype(np.float32)),
             suns=suns,
@@ -166,14 +165,14 @@ class SmoothYear:
             total, light = of_bins(of.total, sensors), of_bins(of.blocks, blocks)
             return _Part(of.elements, total, light)
 
-        total, D, straight = self.besides
-        (total, straight), (D,) = of_bins((total, straight), sensors), of_bins((D,), blocks)
+        total, D = self.besides
+        (total,), (D,) = of_bins((total,), sensors), of_bins((D,), blocks)
         step = self.step_hours * len(self.months) / len(hours)
         return replace(
             self, months=self.months[hours], step_hours=step, shape=(len(bins), blocks, sensors),
-            besides=(total, D, straight),
+            besides=(total, D),
             same=part(self.same), opened=part(self.opened), closed=tuple(map(part, self.closed)),
-            straight=(self.straight[0], of_bins(self.straight[1], sensors)),
+            straight=self.straight.at(bins), groups=tuple(each.at(bins) for each in self.groups),
             sky=mi.TensorXf(np.ascontiguousarray(self.sky.numpy()[hours])),
             suns=tuple(
                 (flat_indices(np.where(L != 0, np.searchsorted(bins, bin_), 0)), flat(L))
@@ -199,17 +198,17 @@ class SmoothYear:
         """
         E, *behind = map(self._accumulated, self.coefficients(shares, factors))
         shaded, *others = behind or [E] * len(self.closings) or [E]
-        by_group = tuple(map(self._by_sun, self._straight_by_group(shares * factors)))
-        direct = self._by_sun(self.straight_coefficients(shares * factors))
+        straight = [each.weighed(shares * factors) for each in (self.straight, *self.groups)]
+        direct, *by_group = map(self._by_sun, straight)
         dr.eval(E, shaded, *others, direct, *by_group)  # else each metric would compute them again
-        return Illuminances(E, shaded, direct, tuple(others), by_group)
+        return Illuminances(E, shaded, direct, tuple(others), tuple(by_group))
 
     def coefficients(self, shares: mi.Float, factors: mi.Float) -> tuple[mi.Float, ...]:
         """C of the open state and of every further one, flat (bin, sensor) [sr].
 
         Parameters are those of `illuminance`.
         """
-        same = self._sum(self.same, shares * factors, self.besides[:2])
+        same = self._sum(self.same, shares * factors, self.besides)
         lit = self._sum(self.opened, shares * factors, same)
         states = [self._with_returned(shares, *lit)]
         for closing, part in zip(self.closings, self.closed, strict=False):
@@ -217,20 +216,6 @@ class SmoothYear:
             lit = self._sum(part, behind * factors, same)
             states.append(self._with_returned(behind, *lit))
         return tuple(states)
-
-    def straight_coefficients(self, weights: mi.Float) -> mi.Float:
-        """C by straight light of elements with `weights`, flat (bin, sensor) [sr]."""
-        passed, rows = self.straight
-        return self.besides[2] + mixed(rows, _taken(weights, passed))
-
-    def _straight_by_group(self, weights: mi.Float) -> list[mi.Float]:
-        """Likewise, of the elements of each group of panes."""
-        passed, rows = self.straight
-        nothing = dr.zeros(mi.Float, dr.width(self.besides[2]))
-        return [
-            nothing + mixed(tuple(rows[i] for i in some), _taken(weights, passed[some]))
-            for some in self.groups
-        ]
 
     def _sum(
         self, part: _Part, weights: mi.Float, more: tuple[mi.Float, mi.Float]

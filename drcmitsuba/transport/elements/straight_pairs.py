@@ -1,0 +1,65 @@
+"""Straight light by any shares: of all pairs of a bin and a sensor few see each other by a tile."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.runtime.flat_arrays import flat, flat_indices
+from drcmitsuba.transport.elements.straight_light import StraightLight
+
+
+@dataclass(frozen=True)
+class StraightPairs:
+    """C by straight light of pairs of a bin and a sensor, once for each element that it passes."""
+
+    element: mi.UInt32
+    """Position of the element among the weights, shape (pair,)."""
+    place: mi.UInt32
+    """Place of the pair in a flat array (bin, sensor)."""
+    C: mi.Float
+    """Mean over the results [sr]."""
+    shape: tuple[int, int]
+    """Numbers of bins and sensors."""
+
+    @classmethod
+    def of(
+        cls, lights: Mapping[int, tuple[np.ndarray, StraightLight]], bins: np.ndarray, sensors: int
+    ) -> StraightPairs:
+        """Join the pairs of elements.
+
+        Parameters
+        ----------
+        lights : dict of int to tuple
+            Own bins (own bin,) of every element, and its light.
+        bins : np.ndarray of int, shape (bin,)
+            Bins of the result in rising order, those of all pairs among them.
+        sensors : int
+        """
+        parts = [(np.zeros(0, np.uint32), np.zeros(0, np.uint32), np.zeros(0, np.float32))]
+        for element, (own, light) in lights.items():
+            bin_, sensor = light.pairs
+            place = np.searchsorted(bins, own)[bin_] * sensors + sensor
+            parts.append((np.full(len(place), element), place, light.C.mean(axis=0)))
+        element, place, C = map(np.concatenate, zip(*parts, strict=True))
+        return cls(flat_indices(element), flat_indices(place), flat(C), (len(bins), sensors))
+
+    def at(self, bins: np.ndarray) -> StraightPairs:
+        """Pairs of some bins, positions in rising order, int, shape (bin,)."""
+        own, sensor = np.divmod(self.place.numpy(), np.uint32(self.shape[1]))
+        here = np.flatnonzero(np.isin(own, bins))
+        place = np.searchsorted(bins, own[here]) * self.shape[1] + sensor[here]
+        element, C = self.element.numpy()[here], self.C.numpy()[here]
+        shape = len(bins), self.shape[1]
+        return StraightPairs(flat_indices(element), flat_indices(place), flat(C), shape)
+
+    def weighed(self, weights: mi.Float) -> mi.Float:
+        """Σ weight · C, flat (bin, sensor) [sr]; gradients flow to the weights."""
+        total = dr.zeros(mi.Float, self.shape[0] * self.shape[1])
+        light = self.C * dr.gather(mi.Float, weights, self.element)
+        dr.scatter_add(total, light, self.place)
+        return total
