@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.colors import Normalize
+from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 
 from drcmitsuba.metrics.grids import sensors_by_grid
@@ -24,6 +24,8 @@ LEGIBLE = 0.5
 """Least distance of sensors on paper [inch] at which their values are written."""
 LETTER = 0.62
 """Width of a bold letter over its size [–]."""
+SCALES = Normalize, LogNorm
+"""Scales of colours that their limits decide."""
 SMALLEST = 4.5
 """Size of the smallest letters that are written on a grid [pt]."""
 
@@ -137,10 +139,13 @@ def plan(
         _write_texts(ax, marks, texts, inch)
     elif tiles.closest(x, y) * inch >= LEGIBLE:
         _write_numbers(ax, x, y, numbers, norm)
-    colour_bar(picture, numbers, bar)
+    extend = colour_bar(picture, numbers, bar).extend
     if limit is not None:
         bar.axhline(limit, **LINES["limit"])
-    bar.set_ylabel(label_of(values) if label is None else label)
+    words = label_of(values) if label is None else label
+    bar.set_ylabel(words)
+    if type(norm) in SCALES:
+        figure.also_stands((type(norm), norm.vmin, norm.vmax, extend, limit, words), bar)
     return figure
 
 

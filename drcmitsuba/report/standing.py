@@ -38,6 +38,11 @@ class SheetFigure(Figure):
         paper = (self.patch, *(ax.patch for ax in self.axes))
         self.standing = Standing(source, (*paper, *artists))
 
+    def also_stands(self, source: Hashable, *artists: Artist) -> None:
+        """State further standing parts, which lie above the others."""
+        before = self.standing
+        self.standing = Standing((before.source, source), (*before.artists, *artists))
+
 
 class DrawnParts:
     """Pixels of standing parts that were drawn before."""

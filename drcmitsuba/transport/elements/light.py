@@ -14,13 +14,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import xarray as xr
 
 from drcmitsuba.case.groups import GroupStates
-from drcmitsuba.runtime.pieces import pieces, run
+from drcmitsuba.runtime import lazy
+from drcmitsuba.runtime.aligned_arrays import aligned_zeros
+from drcmitsuba.runtime.pieces import pieces
 from drcmitsuba.runtime.threads import in_threads
 from drcmitsuba.schema import mean_and_error
 from drcmitsuba.transport.coefficient_arrays import with_values, without_values
@@ -30,6 +32,8 @@ from drcmitsuba.transport.elements.weights import BESIDES, Year, chosen
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
+
+sparse = lazy.module("scipy.sparse")
 
 LATEST = 8
 """Number of façades whose light that openings send back is kept."""
@@ -51,6 +55,8 @@ class ElementLight:
     """C without light that met openings from inside [sr], likewise."""
     blocks: np.ndarray
     """Light on blocks of cells by paths that met no opening [sr], (replicate, own bin, block)."""
+    first: int = 0
+    """Row of the first bin in the arrays that all elements share; see `LightByElement.rows`."""
 
     @cached_property
     def is_lit(self) -> dict[str, bool]:
@@ -85,34 +91,44 @@ class ElementLight:
         seen = np.flatnonzero(kept[own])
         return at[own[seen]] * self.pairs.shape[1] + sensor[seen], seen
 
-    def times(self, factor: float) -> ElementLight:
-        """Light times a factor."""
-        more = {name: array * np.float32(factor) for name, array in self._arrays.items()}
-        return replace(self, pairs=replace(self.pairs, C=more.pop("straight")), **more)
+    def times(self, factor: float, rows: Rows) -> ElementLight:
+        """Light times a factor, whose `total` and `blocks` are put into dark `rows`."""
+        light, f = self.within(rows), np.float32(factor)
+        for name in ("total", "blocks"):
+            if self.is_lit[name]:
+                np.multiply(getattr(self, name), f, out=getattr(light, name))
+        pairs = replace(self.pairs, C=self.pairs.C * f)
+        return replace(light, pairs=pairs, direct=None if self.direct is None else self.direct * f)
+
+    def within(self, rows: Rows) -> ElementLight:
+        """Light with its part of the `rows` of all elements; an opaque one has none."""
+        here = slice(self.first, self.first + len(self.bins))
+        return replace(self, total=rows.total[:, here], blocks=rows.blocks[:, here])
 
     @property
     def gives_light(self) -> bool:
         """Whether any sensor gets its light, be it by way of openings alone."""
         return self.is_lit["total"] or self.is_lit["blocks"]
 
-    def pieces(
-        self, sky_bins: int, values: np.ndarray, bins: np.ndarray
-    ) -> Iterator[tuple[slice | np.ndarray, np.ndarray]]:
-        """Yield places and values (bin, receiver) of the sky, and of suns, some by some.
-
-        Places are those in `bins`, some of all bins in rising order, the sky's among them.
-        """
-        yield slice(0, sky_bins), values[:sky_bins]
-        suns = sky_bins + np.flatnonzero(np.isin(self.bins[sky_bins:], bins[sky_bins:]))
-        places = np.searchsorted(bins, self.bins[suns])
-        for here in pieces(len(suns), values.shape[1]):
-            yield run(places[here]), values[run(suns[here])]
+    def row_of(self, bins: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Places of own bins in `bins`, some of all bins in rising order, and their own places."""
+        own = np.flatnonzero(np.isin(self.bins, bins))
+        return np.searchsorted(bins, self.bins[own]), own
 
     @property
     def nbytes(self) -> int:
         """Memory of the arrays [bytes]; one without light takes none."""
         lit = sum(a.nbytes for name, a in self._arrays.items() if self.is_lit[name])
         return lit + self.pairs.places.nbytes
+
+
+class Rows(NamedTuple):
+    """Light of several elements, bin by bin, those of one element after those of another."""
+
+    total: np.ndarray
+    """C without light that met openings from inside [sr], shape (replicate, row, sensor)."""
+    blocks: np.ndarray
+    """Light on blocks of cells by paths that met no opening [sr], (replicate, row, block)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +143,8 @@ class LightByElement:
     """Bins: ground, sky patches, suns."""
     sky_bins: int
     """Number of bins of ground and sky, which come first."""
+    rows: Rows
+    """Light of all elements row by row: `total` and `blocks` of each are a part of them."""
     besides: ElementLight
     """Light that passes no opening."""
     elements: tuple[ElementLight, ...]
@@ -177,7 +195,7 @@ class LightByElement:
         direct = lit
         if scattered:
             clear = [(light, share) for light, share in some if light.direct is None]
-            direct = self._straight(clear, bins) + self._sum(scattered, "direct", bins)
+            direct = self._straight(clear, bins) + self._scattered(scattered, bins)
         total, data = self.total(shares, bins), {}
         parts = {"straight": lit, "direct": direct, "interreflected": total - direct}
         for name, values in parts.items():
@@ -248,12 +266,13 @@ class LightByElement:
 
         Arguments are those of `replicates_at`.
         """
-        some, G = self._some(shares), self.sent_back(shares)
-        total, D = self._sum(some, "total", bins), self._sum(some, "blocks", bins)
+        choice, G = self._choice(self._some(shares), bins), self.sent_back(shares)
+        total = np.empty((self.replicates, len(bins), len(self.positions)), np.float32)
 
         def of_replicate(r: int) -> None:
-            for here in pieces(len(bins), total.shape[2]):
-                total[r, here] += D[r, here] @ G[r]
+            C, D = choice @ self.rows.total[r], choice @ self.rows.blocks[r]
+            for here in pieces(len(bins), C.shape[1]):
+                np.add(C[here], D[here] @ G[r], out=total[r, here])
 
         in_threads(of_replicate, range(len(total)))
         return total
@@ -280,27 +299,36 @@ class LightByElement:
             out[:, places] += C if share == 1 else np.float32(share) * C
         return out.reshape(self.replicates, len(bins), len(self.positions))
 
-    def _sum(
-        self, some: list[tuple[ElementLight, float]], name: str, bins: np.ndarray
-    ) -> np.ndarray:
-        """Σ w · light of some bins, (replicate, bin, receiver)."""
-        first = getattr(some[0][0], name)
-        out = np.zeros((len(first), len(bins), first.shape[2]), np.float32)
-        lit = [(light, share) for light, share in some if light.is_lit[name]]
-
-        def of_replicate(r: int) -> None:
-            for light, share in lit:
-                for here, part in light.pieces(self.sky_bins, getattr(light, name)[r], bins):
-                    out[r, here] += part if share == 1 else np.float32(share) * part
-
-        in_threads(of_replicate, range(len(out)))
+    def _scattered(self, some: list[tuple[ElementLight, float]], bins: np.ndarray) -> np.ndarray:
+        """Σ w · direct light of scattering fills, of some bins, (replicate, bin, sensor)."""
+        out = np.zeros((self.replicates, len(bins), len(self.positions)), np.float32)
+        for light, share in some:
+            assert light.direct is not None
+            at, own = light.row_of(bins)
+            out[:, at] += np.float32(share) * light.direct[:, own]
         return out
+
+    def _choice(self, some: list[tuple[ElementLight, float]], bins: np.ndarray) -> csr_matrix:
+        """Shares w that elements have in the light of some bins, shape (bin, row)."""
+        at, row, share = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0, np.float32)]
+        for light, w in some:
+            if light.gives_light:
+                place, own = light.row_of(bins)
+                at.append(place)
+                row.append(light.first + own)
+                share.append(np.full(len(own), w, np.float32))
+        entries = np.concatenate(share), (np.concatenate(at), np.concatenate(row))
+        return sparse.csr_matrix(entries, (len(bins), self.rows.total.shape[1]))
 
     def scaled(self, factors: np.ndarray) -> LightByElement:
         """Light with factors (element,) of what comes in by each; what it sends back stays."""
-        pairs = zip(self.elements, factors.tolist(), strict=True)
-        elements = tuple(each if f == 1 else each.times(f) for each, f in pairs)
-        return replace(self, elements=elements)
+        if (factors == 1).all():
+            return self
+        rows = Rows(*(aligned_zeros(part.shape, np.float32) for part in self.rows))
+        besides = self.besides.times(1.0, rows)
+        parts = zip(self.elements, factors.tolist(), strict=True)
+        elements = tuple(light.times(f, rows) for light, f in parts)
+        return replace(self, rows=rows, besides=besides, elements=elements)
 
     def illuminance(self, L: csr_matrix, shares: np.ndarray) -> Iterator[np.ndarray]:
         """Yield the illuminance of a year by each replicate.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from math import ceil
 
@@ -19,7 +19,7 @@ from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.elements.light import ElementLight, LightByElement
+from drcmitsuba.transport.elements.light import ElementLight, LightByElement, Rows
 from drcmitsuba.transport.elements.light_on_receivers import Matrix
 from drcmitsuba.transport.elements.paths import ElementPaths
 from drcmitsuba.transport.elements.scenes import Element
@@ -33,6 +33,8 @@ BLOCKS = 300
 LEAST_DRAWS, TILES = 2, 8
 """Least number of draws by which an element is lit, and number of openings of one size up to which
 each is lit by all draws: many tiles have the samples of each, and random numbers of their own."""
+ALIGNED = 16
+"""Rows of an element are a multiple of so many, so that each element begins where kernels ask."""
 TOGETHER = 1 << 26
 """Largest number of values of D that replicates have in the same launches."""
 
@@ -76,11 +78,11 @@ def compute(
     every = (trace.besides, *trace.elements)
     lit = [e for e in every if not e.is_opaque]
     _check_size(case, trace, kept, [len(element.bins) for element in lit], most_bytes)
-    lights = [_empty(trace, kept, element) for element in every]
+    rows, lights = _dark(trace, kept, every)
     straight: list[list[Entries]] = [[] for _ in every]
     lit_by = [draws_of_light(draws, element) for element in every]
-    rows = max(trace.paths.gathered.cells.count, len(trace.points))
-    together = max(1, TOGETHER // (rows * len(trace.labels)))
+    receivers = max(trace.paths.gathered.cells.count, len(trace.points))
+    together = max(1, TOGETHER // (receivers * len(trace.labels)))
     if min(lit_by) < draws:  # the first draws of each result stand apart
         together = min(together, draws)
     results, paths = range(0), list[tuple[Matrix, Matrix]]()
@@ -108,6 +110,7 @@ def compute(
         positions=trace.positions,
         labels=trace.labels,
         sky_bins=trace.sky_bins,
+        rows=rows,
         besides=lights[0],
         elements=tuple(lights[1:]),
         returned=tuple(map(trace.paths.returned, range(kept))),
@@ -139,13 +142,25 @@ def _launches(replicates: int, draws: int, together: int) -> Iterator[range]:
             yield range(first, min(first + step, start + whole))
 
 
-def _empty(trace: ElementTrace, kept: int, element: Element) -> ElementLight:
-    """Light of 0."""
-    bins, sensors, blocks = len(element.bins), len(trace.points), trace.paths.blocks
-    total, onto = (aligned_zeros((kept, bins, n), np.float32) for n in (sensors, blocks))
-    direct = np.zeros_like(total) if element.scatters else None
-    straight = StraightLight.of((), kept, (bins, sensors))
-    return ElementLight(element.bins, straight, direct, total, onto)
+def _dark(
+    trace: ElementTrace, kept: int, every: Sequence[Element]
+) -> tuple[Rows, list[ElementLight]]:
+    """Light of 0 of every element, of which opaque ones have the same rows."""
+    sensors, blocks = len(trace.points), trace.paths.blocks
+    count = [-(-len(e.bins) // ALIGNED) * ALIGNED for e in every]
+    ends = np.cumsum(
+        [max(count), *(0 if e.is_opaque else n for e, n in zip(every, count, strict=True))]
+    )
+    rows = Rows(*(aligned_zeros((kept, int(ends[-1]), n), np.float32) for n in (sensors, blocks)))
+    lights = []
+    for element, end in zip(every, ends.tolist(), strict=False):
+        shape = len(element.bins), sensors
+        direct = np.zeros((kept, *shape), np.float32) if element.scatters else None
+        first = 0 if element.is_opaque else end
+        pairs = StraightLight.of((), kept, shape)
+        light = ElementLight(element.bins, pairs, direct, *rows, first)
+        lights.append(light.within(rows))
+    return rows, lights
 
 
 def _add(
