@@ -98,6 +98,12 @@ class SavedResult(ABC):
             storage.save_json(saved.plan, folder / "plan.json")
         return saved
 
+    def without_pictures(self: Own, reason: str) -> Own:
+        """The same result, whose folder has no pictures for a reason that its plan states."""
+        plan = self.plan | {"pictures": {"on": False, "reason": reason}}
+        effects = replace(self.enabled_effects, pictures=False)
+        return replace(self, plan=plan, enabled_effects=effects)  # type: ignore[type-var]
+
     def _save_pictures(
         self, folder: Path, progress: Progress, parts: DrawnParts | None
     ) -> list[str]:

@@ -43,7 +43,8 @@ class Effects(Table):
     colour: Choice = "auto"
     """Three channels (red, green, blue) in place of one (luminance)."""
     pictures: Choice = "auto"
-    """Pictures of the results."""
+    """Pictures of the results. Several façades from one simulation stand side by side in one; "all"
+    draws those of each, too."""
 
     @property
     def overruled(self) -> dict[str, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,6 +22,7 @@ from drcmitsuba.cli.options import (
 )
 from drcmitsuba.cli.startup import FOR_FILES, FOR_METRICS, importing
 from drcmitsuba.cli.terminal import percent, show, show_notes, show_progress, stages
+from drcmitsuba.runtime.background import Behind
 from drcmitsuba.runtime.byte_size import in_words, size_on_disk
 from drcmitsuba.runtime.errors import InputError, on_a_line
 
@@ -29,6 +31,11 @@ if TYPE_CHECKING:
     from drcmitsuba.case.case import Case
 
 
+SIDE_BY_SIDE = (
+    "off: variants.png has all façades side by side; "
+    'pictures = "all" in [effects] draws those of each, too'
+)
+"""Why the folder of a variant has no pictures."""
 MOST_ROWS = 40
 """Largest number of grids in the table."""
 SHORT = "…"
@@ -236,18 +243,35 @@ def _show_result(result: SavedResult, output: Path) -> None:
 def _evaluate_variants(case: str, names: list[str], output: Path, weather: Path | None) -> None:
     """Evaluate several façades of one room from one simulation."""
     from drcmitsuba.annual.variants import evaluate_variants, load_variants
+    from drcmitsuba.report.side_by_side import FacadeShares, side_by_side
     from drcmitsuba.report.standing import DrawnParts
+    from drcmitsuba.report.style import save_all
 
     cases = [c.with_weather(weather) for c in load_variants(case, names)]
-    metrics, drawn = {}, DrawnParts()
-    with stages() as stage:
+    pictures = cases[0].effects.pictures  # as in all of them
+    metrics, drawn, shares, names_drawn = {}, DrawnParts(), list[FacadeShares](), list[str]()
+    with stages() as stage, (saving := Behind()).opened():
         results = evaluate_variants(cases, stage)
         for name, result in zip([Path(case).stem, *names], results, strict=True):
-            result.save(output / name, stage, drawn)
+            E = result.illuminance.load()  # the device serves one thread
+            if pictures != "off":
+                shares.append(FacadeShares.of(name, result.case, E, result.metrics))
+            kept = result.without_pictures(SIDE_BY_SIDE) if pictures == "auto" else result
+            saving.do(partial(kept.save, output / name, stage, drawn))
             metrics[name] = result.metrics
+            if result.case.output.illuminance == "all":  # coefficients are made as they are written
+                saving.wait()
+            del result, kept
+        if shares:
+            with stage("pictures") as done:
+                names_drawn = [path.name for path in save_all(side_by_side(shares), output, done)]
+        for old in (*output.glob("variants.png"), *output.glob("variants_[0-9]*.png")):
+            if old.name not in names_drawn:
+                old.unlink()
     table = Table("façade", *(f"{n} % (95 %)" for n in ("sDA", "ASE", "shade closed")))
     for name, numbers in metrics.items():
         table.add_row(escape(name), *(percent(numbers[n]) for n in ("sDA", "ASE", "shade_closed")))
     show(table)
     show_notes(dict.fromkeys(n for m in metrics.values() for n in m["settings"]["notes"]))
-    print(f"results are in the folders of {output}")
+    beside = f", side by side in {', '.join(names_drawn)}" if names_drawn else ""
+    print(f"results are in the folders of {output}{beside}")

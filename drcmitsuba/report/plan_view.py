@@ -115,7 +115,7 @@ def plan(
         "room": [_closed(outline) for outline in room],
         "glazing": [np.asarray(line, dtype=float) for line in glazing],
     }
-    view = _view(np.concatenate([extent, *(lines["room"] or lines["glazing"])]))
+    view = view_of(np.concatenate([extent, *(lines["room"] or lines["glazing"])]))
     low, high = view
     for name, kind in lines.items():
         lines[name] = [
@@ -134,7 +134,7 @@ def plan(
         picture = mark.draw(ax, shown, norm, inch)
     for mark in marks if len(contours) else ():
         mark.contours(ax, numbers, contours)
-    _draw_lines(ax, lines)
+    draw_lines(ax, lines)
     if texts:
         _write_texts(ax, marks, texts, inch)
     elif tiles.closest(x, y) * inch >= LEGIBLE:
@@ -165,7 +165,7 @@ def _closed(polygon: np.ndarray) -> np.ndarray:
     return np.concatenate([points, points[:1]])
 
 
-def _view(points: np.ndarray) -> np.ndarray:
+def view_of(points: np.ndarray) -> np.ndarray:
     """Lower left and upper right corner x, y [m] of a view of all points, with a margin."""
     low, high = points.min(axis=0), points.max(axis=0)
     size = (high - low) * 1.06
@@ -173,13 +173,19 @@ def _view(points: np.ndarray) -> np.ndarray:
     return (low + high) / 2 + np.array([[-0.5], [0.5]]) * size
 
 
-def _draw_lines(ax: Axes, lines: Mapping[str, Sequence[np.ndarray]]) -> None:
-    """Draw each kind as one line with gaps: a hundred thousand desks would take minutes."""
+def draw_lines(ax: Axes, lines: Mapping[str, Sequence[np.ndarray]], thin: float = 1.0) -> None:
+    """Draw each kind as one line with gaps: a hundred thousand desks would take minutes.
+
+    Lines of small plans are `thin`, a part of their width.
+    """
     gap = np.full((1, 2), np.nan)
     for name, kind in lines.items():
         if kind:
             broken = np.concatenate([piece for line in kind for piece in (line, gap)])
-            ax.plot(*broken.T, scalex=False, scaley=False, **LINES[name])
+            style = LINES[name] | {"linewidth": thin * LINES[name]["linewidth"]}
+            if thin < 1 and "path_effects" in style:
+                style["path_effects"] = halo(1.8 * style["linewidth"], "white")
+            ax.plot(*broken.T, scalex=False, scaley=False, **style)
 
 
 def _write_numbers(

@@ -86,8 +86,7 @@ def test_coefficients_of_variants_are_written_where_they_are_asked_for(run, tmp_
         (tmp_path / f"{name}.toml").write_text(text)
     assert run("evaluate", "clear.toml", "--variants", "fabric", "-o", "few")[0] == 0
     files = {path.name for path in (tmp_path / "few" / "fabric").iterdir()}
-    assert files >= {"illuminance.nc", "sky.zarr", "metrics.json", "plan.json", "monthly.png"}
-    assert not files & {"coefficients.zarr", "year.zarr"}
+    assert files == {"illuminance.nc", "sky.zarr", "metrics.json", "plan.json"}
     E = xr.open_dataset(tmp_path / "few" / "fabric" / "illuminance.nc").load()
     parts = E["sky_open"] + E["sun_open"]
     np.testing.assert_allclose(parts, E["total_open"], rtol=1e-4, atol=1e-3)
@@ -97,6 +96,26 @@ def test_coefficients_of_variants_are_written_where_they_are_asked_for(run, tmp_
     assert code == 0, out
     numbers = json.loads((tmp_path / "few" / "fabric" / "metrics.json").read_text())
     assert any('illuminance = "all"' in note for note in numbers["settings"]["notes"])
+
+
+def test_pictures_of_variants_stand_side_by_side_unless_those_of_each_are_asked_for(run, tmp_path):
+    (tmp_path / "all").mkdir()
+    (tmp_path / "all" / "variants_2.png").write_bytes(b"of an earlier run with more of them")
+    assert run("evaluate", "clear.toml", "--variants", "fabric", "-o", "all")[0] == 0
+    assert [path.name for path in tmp_path.glob("all/*.png")] == ["variants.png"]
+    assert not [*tmp_path.glob("all/*/*.png")]
+    plan = json.loads((tmp_path / "all" / "fabric" / "plan.json").read_text())
+    assert plan["pictures"]["on"] is False
+    assert "variants.png" in plan["pictures"]["reason"]
+    for choice, folders in (("all", ["clear", "fabric"]), ("off", [])):
+        effects = f'[effects]\npictures = "{choice}"\n'
+        for name, strips in (("clear", CLEAR), ("fabric", FABRIC)):
+            text = ROOM.format(name=name, strips=strips, more=effects)
+            (tmp_path / f"{name}.toml").write_text(text)
+        assert run("evaluate", "clear.toml", "--variants", "fabric", "-o", f"of {choice}")[0] == 0
+        assert (tmp_path / f"of {choice}" / "variants.png").exists() is (choice == "all")
+        drawn = tmp_path.glob(f"of {choice}/*/monthly.png")
+        assert sorted(path.parent.name for path in drawn) == folders
 
 
 @pytest.mark.parametrize(

@@ -210,18 +210,20 @@ class SolvedPaths:
 
     def returned(self, result: int) -> SolvedReturn:
         """Rays with marks, from sensors and from cells."""
-        onto, *marked = self._marked[result]
+        onto, between, sensors = self._marked[result]
         place = np.searchsorted(self._reached, np.arange(self.transfer.blocks.count))
-        some = (
-            replace(rays, block=place[rays.block], shape=(rays.shape[0], self.blocks))
-            for rays in marked
-        )
-        return SolvedReturn(self._all_bounces(result), onto, *some, self._reached)
+
+        def numbered(rays: MarkedLight) -> MarkedLight:
+            return replace(rays, block=place[rays.block], shape=(rays.shape[0], self.blocks))
+
+        bounces = self._all_bounces(result)
+        return SolvedReturn(bounces, onto, numbered(between), numbered(sensors), self._reached)
 
     @cached_property
     def _reached(self) -> np.ndarray:
         """Blocks that rays reach by way of openings in any replicate, int, shape (reached,)."""
-        return np.unique(np.concatenate([m.block for _, *some in self._marked for m in some]))
+        every = [marked.block for _, *both in self._marked for marked in both]
+        return np.unique(np.concatenate(every))
 
     @cached_property
     def _marked(self) -> list[tuple[csr_matrix, MarkedLight, MarkedLight]]:

@@ -78,11 +78,11 @@ def compute(
     every = (trace.besides, *trace.elements)
     lit = [e for e in every if not e.is_opaque]
     _check_size(case, trace, kept, [len(element.bins) for element in lit], most_bytes)
-    rows, lights = _dark(trace, kept, every)
+    every_row, lights = _dark(trace, kept, every)
     straight: list[list[Entries]] = [[] for _ in every]
     lit_by = [draws_of_light(draws, element) for element in every]
-    receivers = max(trace.paths.gathered.cells.count, len(trace.points))
-    together = max(1, TOGETHER // (receivers * len(trace.labels)))
+    most = max(trace.paths.gathered.cells.count, len(trace.points))
+    together = max(1, TOGETHER // (most * len(trace.labels)))
     if min(lit_by) < draws:  # the first draws of each result stand apart
         together = min(together, draws)
     results, paths = range(0), list[tuple[Matrix, Matrix]]()
@@ -110,7 +110,7 @@ def compute(
         positions=trace.positions,
         labels=trace.labels,
         sky_bins=trace.sky_bins,
-        rows=rows,
+        rows=every_row,
         besides=lights[0],
         elements=tuple(lights[1:]),
         returned=tuple(map(trace.paths.returned, range(kept))),

@@ -41,10 +41,10 @@ class StraightPairs:
         sensors : int
         """
         parts = [(np.zeros(0, np.uint32), np.zeros(0, np.uint32), np.zeros(0, np.float32))]
-        for element, (own, light) in lights.items():
+        for number, (own, light) in lights.items():
             bin_, sensor = light.pairs
-            place = np.searchsorted(bins, own)[bin_] * sensors + sensor
-            parts.append((np.full(len(place), element), place, light.C.mean(axis=0)))
+            at = np.searchsorted(bins, own)[bin_] * sensors + sensor
+            parts.append((np.full(len(at), number), at, light.C.mean(axis=0)))
         element, place, C = map(np.concatenate, zip(*parts, strict=True))
         return cls(flat_indices(element), flat_indices(place), flat(C), (len(bins), sensors))
 
