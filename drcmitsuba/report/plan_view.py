@@ -110,9 +110,9 @@ def plan(
     ]
     extent = np.concatenate([mark.extent for mark in marks])
     lines = {
-        "furniture": [_closed(outline) for outline in furniture],
-        "surroundings": [_closed(outline) for outline in surroundings],
-        "room": [_closed(outline) for outline in room],
+        "furniture": [closed(outline) for outline in furniture],
+        "surroundings": [closed(outline) for outline in surroundings],
+        "room": [closed(outline) for outline in room],
         "glazing": [np.asarray(line, dtype=float) for line in glazing],
     }
     view = view_of(np.concatenate([extent, *(lines["room"] or lines["glazing"])]))
@@ -160,7 +160,8 @@ def positions(values: xr.DataArray) -> tuple[np.ndarray, np.ndarray]:
     return values["x"].values.astype(float), values["y"].values.astype(float)
 
 
-def _closed(polygon: np.ndarray) -> np.ndarray:
+def closed(polygon: np.ndarray) -> np.ndarray:
+    """Outline that ends where it began, shape (point, 2)."""
     points = np.asarray(polygon, dtype=float)
     return np.concatenate([points, points[:1]])
 

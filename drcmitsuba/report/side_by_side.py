@@ -19,7 +19,7 @@ from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.report.captions import place_and_period
 from drcmitsuba.report.colour_scale import scale
 from drcmitsuba.report.outlines import outlines_in_plan
-from drcmitsuba.report.plan_view import draw_lines, view_of
+from drcmitsuba.report.plan_view import closed, draw_lines, view_of
 from drcmitsuba.report.sensor_marks import SensorMarks
 from drcmitsuba.report.sheets import MOST_SHEETS, Sheet, sheets
 from drcmitsuba.report.style import COLOURS, GREY, NAME, ORANGE
@@ -152,7 +152,10 @@ def _picture(facades: Sequence[FacadeShares], sheet: Sheet) -> Figure:
                 mark.draw(ax, np.ma.clip(numbers_here, kind.norm.vmin, kind.norm.vmax), kind.norm,
                           width / np.ptp(view[:, 0]))  # fmt: skip
             limit = [edge for mark in marks for edge in mark.boundary(numbers_here >= kind.limit)]
-            shown = {name: lines.get(name, ()) for name in ("room", "glazing")}
+            shown = {
+                "room": [closed(line) for line in lines.get("room", ())],
+                "glazing": lines.get("glazing", ()),
+            }
             draw_lines(ax, {**shown, "limit": limit}, thin=0.5)
     for k, kind in enumerate(kinds):
         long = (across - 3 * APART) / 2

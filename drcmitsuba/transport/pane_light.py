@@ -40,7 +40,7 @@ class SunsOnFilm(NamedTuple):
         W = np.ascontiguousarray(weights.swapaxes(2, 3))
         rows = mi.TensorXf(flat(W), (results * each * receivers, parts))
         sent = self.through(rows, results * each).numpy()
-        every = sent.reshape(results, each, receivers, -1)
+        every = sent.reshape(results, each, receivers, sent.shape[1])
         return (light[0].T if each == 1 else light.sum(axis=0).T for light in every)
 
 

@@ -30,9 +30,10 @@ class Irradiance(NamedTuple):
 
         `weights` are those of the light for receivers, (result, replicate, part, receiver).
         """
-        results, receivers = len(weights), weights.shape[3]
-        every = self.numpy().reshape(results, weights.shape[1] * weights.shape[2], -1)
-        return (light.T @ W.reshape(-1, receivers) for light, W in zip(every, weights, strict=True))
+        results, each, parts, receivers = weights.shape
+        every = self.numpy().reshape(results, each * parts, -1)
+        W = weights.reshape(results, each * parts, receivers)  # there may be no receivers
+        return (light.T @ of_light for light, of_light in zip(every, W, strict=True))
 
     def numpy(self) -> np.ndarray:
         """All bins in one array (receiver, bin)."""

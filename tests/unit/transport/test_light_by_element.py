@@ -10,7 +10,7 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.random_streams import Draw, Stream
 from drcmitsuba.scene import scene as scenes
-from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
+from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.transport import coefficients, elements
@@ -223,3 +223,21 @@ def test_more_elements_than_memory_holds_are_refused():
         elements.compute(
             one, PaneGroups.of(one), SUNS, one.accuracy, ALL_EFFECTS, most_bytes=whole // 3
         )
+
+
+def test_panes_that_send_nothing_back_leave_no_block_of_cells():
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
+    strips = [{"bottom": 0.9, "top": 2.7, "material": "opal"}]
+    black = {"type": "diffuser", "transmittance": 0.5, "reflectance": 0.0}
+    one = case(
+        facade={"south": {"strips": strips}},
+        materials={"opal": black, "cloth": {**black, "transmittance": 0.1}},
+        groups={"south": {"panes": ["opal"], "states": ["cloth"]}},
+    )
+    effects = EnabledEffects(solved_cells=True)
+    light = elements.compute(one, PaneGroups.of(one), SUNS, one.accuracy, effects)
+    assert light.rows.blocks.shape[2] == 0
+    C = in_state(light, "open")["replicates"].values
+    ours, other = C.sum(axis=(1, 2)), direct(one, "open").sum(axis=(1, 2))
+    error = np.hypot(*(each.std(ddof=1) / np.sqrt(len(each)) for each in (ours, other)))
+    assert abs(ours.mean() - other.mean()) < 4 * error + 1e-4 * other.mean()
