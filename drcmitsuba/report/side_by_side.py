@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
@@ -36,6 +37,8 @@ SHAPE = 1.4
 """Width over height of a picture, about."""
 LETTERS = 13
 """Letters of a façade's name on an inch of paper."""
+WALLS = "room", "glazing"
+"""Outlines that plans show."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +82,61 @@ class _Kind(NamedTuple):
     limit: float
 
 
+class _Paper(NamedTuple):
+    """Figure on which places are in inches from the upper left corner."""
+
+    figure: Figure
+    width: float
+    height: float
+
+    def axes(self, x: float, y: float, width: float, height: float) -> Axes:
+        """Add axes of a size whose upper left corner is at a place."""
+        bottom = 1 - (y + height) / self.height
+        at = x / self.width, bottom, width / self.width, height / self.height
+        return self.figure.add_axes(at)
+
+    def write(self, x: float, y: float, text: str, **style: Any) -> None:
+        """Write a text whose upper left corner is at a place."""
+        self.figure.text(x / self.width, 1 - y / self.height, text, va="top", **NAME, **style)
+
+
+class _Room(NamedTuple):
+    """What the plans of all façades have in common."""
+
+    marks: Sequence[SensorMarks]
+    view: np.ndarray
+    """Lower left and upper right corner x, y [m]."""
+
+    @classmethod
+    def of(cls, values: xr.DataArray, outlines: Sequence[Mapping[str, Any]]) -> _Room:
+        """Marks of the sensors of values (sensor,), and a view of them and all walls."""
+        grids = sensors_by_grid(values) or {"": np.arange(values.size)}
+        marks = [SensorMarks.of(name, at, values.isel(sensor=at)) for name, at in grids.items()]
+        walls = [line for lines in outlines for kind in WALLS for line in lines.get(kind, ())]
+        return cls(marks, view_of(np.concatenate([*(mark.extent for mark in marks), *walls])))
+
+    @property
+    def size(self) -> np.ndarray:
+        """Width and height of a plan [inch]."""
+        across = self.view[1] - self.view[0]
+        return np.asarray(LONGEST * across / across.max())
+
+    def draw(
+        self, ax: Axes, values: np.ndarray, kind: _Kind, lines: Mapping[str, Sequence[np.ndarray]]
+    ) -> None:
+        """Draw the plan of values (sensor,) with the outlines of a façade."""
+        ax.set(xlim=self.view[:, 0], ylim=self.view[:, 1])
+        ax.set_axis_off()
+        numbers, norm = np.ma.masked_invalid(values), kind.norm
+        inch = float(self.size[0] / np.ptp(self.view[:, 0]))
+        for mark in self.marks:
+            mark.draw(ax, np.ma.clip(numbers, norm.vmin, norm.vmax), norm, inch)
+        limit = [edge for mark in self.marks for edge in mark.boundary(numbers >= kind.limit)]
+        walls = {name: lines.get(name, ()) for name in WALLS}
+        walls["room"] = [closed(line) for line in walls["room"]]
+        draw_lines(ax, {**walls, "limit": limit}, thin=0.5)
+
+
 def side_by_side(facades: Sequence[FacadeShares]) -> dict[str, Figure]:
     """Draw the plans of façades that have the same sensors.
 
@@ -110,60 +168,33 @@ def side_by_side(facades: Sequence[FacadeShares]) -> dict[str, Figure]:
 def _picture(facades: Sequence[FacadeShares], sheet: Sheet) -> Figure:
     """Draw façades on one sheet: hours with enough light, and beside them hours in the sun."""
     first, here = facades[0], sheet.sensors
-    values = first.enough[here]
-    grids = sensors_by_grid(values) or {"": np.arange(len(here))}
-    marks = [SensorMarks.of(name, at, values.isel(sensor=at)) for name, at in grids.items()]
-    at = np.column_stack([first.enough[axis].values for axis in "xy"])
-    outlines = [outlines_in_plan(facade.case, at[here], sheet) for facade in facades]
-    walls = [
-        line for lines in outlines for line in (*lines.get("room", ()), *lines.get("glazing", ()))
-    ]
-    view = view_of(np.concatenate([*(mark.extent for mark in marks), *walls]))
-    width, height = LONGEST * (view[1] - view[0]) / (view[1] - view[0]).max()
+    at = np.column_stack([first.enough[axis].values for axis in "xy"])[here]
+    outlines = [outlines_in_plan(facade.case, at, sheet) for facade in facades]
+    room, kinds = _Room.of(first.enough[here], outlines), _kinds(facades, here)
+    width, height = room.size
     wide, high = 2 * width + BETWEEN + APART, height + ABOVE
     columns = min(len(facades), max(1, round(math.sqrt(SHAPE * len(facades) * high / wide))))
     rows = -(-len(facades) // columns)
-    across, down = max(columns * wide + APART, LEAST), HEAD + rows * high + FOOT
-    figure = Figure(figsize=(across, down))
-
-    def place(x: float, y: float, w: float, h: float) -> tuple[float, float, float, float]:
-        """Part of the figure, from inches from its upper left corner."""
-        return x / across, 1 - (y + h) / down, w / across, h / down
-
-    def write(x: float, y: float, text: str, **style: Any) -> None:
-        figure.text(x / across, 1 - y / down, text, va="top", **NAME, **style)
-
-    kinds = _kinds(facades, here)
-    write(APART, 0.12, f"{len(facades)} façades", fontsize=11, weight="bold")
-    write(APART, 0.36, first.where, fontsize=8, color=GREY)
+    size = max(columns * wide + APART, LEAST), HEAD + rows * high + FOOT
+    paper = _Paper(Figure(figsize=size), *size)
+    paper.write(APART, 0.12, f"{len(facades)} façades", fontsize=11, weight="bold")
+    paper.write(APART, 0.36, first.where, fontsize=8, color=GREY)
     for i, (facade, lines) in enumerate(zip(facades, outlines, strict=True)):
-        left, top = APART + wide * (i % columns), HEAD + high * (i // columns)
+        x, y = APART + wide * (i % columns), HEAD + high * (i // columns)
         name = on_a_line(facade.name)[: int(LETTERS * (2 * width + BETWEEN))]
-        numbers = (f"{n} {facade.numbers[n]['value']:.0f} %" for n in ("sDA", "ASE"))
-        write(left, top, name, fontsize=8.5, weight="bold")
-        for k, (kind, number) in enumerate(zip(kinds, numbers, strict=True)):
-            x = left + k * (width + BETWEEN)
-            write(x, top + 0.16, number, fontsize=8, color=GREY)
-            ax = figure.add_axes(place(x, top + ABOVE - 0.16, width, height))
-            ax.set(xlim=view[:, 0], ylim=view[:, 1])
-            ax.set_axis_off()
-            numbers_here = np.ma.masked_invalid(kind.values[i])
-            for mark in marks:
-                mark.draw(ax, np.ma.clip(numbers_here, kind.norm.vmin, kind.norm.vmax), kind.norm,
-                          width / np.ptp(view[:, 0]))  # fmt: skip
-            limit = [edge for mark in marks for edge in mark.boundary(numbers_here >= kind.limit)]
-            shown = {
-                "room": [closed(line) for line in lines.get("room", ())],
-                "glazing": lines.get("glazing", ()),
-            }
-            draw_lines(ax, {**shown, "limit": limit}, thin=0.5)
+        paper.write(x, y, name, fontsize=8.5, weight="bold")
+        for kind, metric in zip(kinds, ("sDA", "ASE"), strict=True):
+            share = f"{metric} {facade.numbers[metric]['value']:.0f} %"
+            paper.write(x, y + 0.16, share, fontsize=8, color=GREY)
+            room.draw(paper.axes(x, y + ABOVE - 0.16, width, height), kind.values[i], kind, lines)
+            x += width + BETWEEN
+    long = (paper.width - 3 * APART) / 2
     for k, kind in enumerate(kinds):
-        long = (across - 3 * APART) / 2
-        bar = figure.add_axes(place(APART + k * (long + APART), down - FOOT + 0.1, long, 0.12))
-        colours = ScalarMappable(kind.norm, COLOURS)
-        figure.colorbar(colours, cax=bar, orientation="horizontal", label=kind.name)
+        bar = paper.axes(APART + k * (long + APART), paper.height - FOOT + 0.1, long, 0.12)
+        scalars = ScalarMappable(kind.norm, COLOURS)
+        paper.figure.colorbar(scalars, cax=bar, orientation="horizontal", label=kind.name)
         bar.axvline(kind.limit, color=ORANGE, linewidth=2)
-    return figure
+    return paper.figure
 
 
 def _kinds(facades: Sequence[FacadeShares], here: np.ndarray) -> list[_Kind]:

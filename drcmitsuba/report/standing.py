@@ -88,8 +88,8 @@ class DrawnParts:
 def _letters_unhinted() -> Iterator[None]:
     """Draw letters by their outlines alone: at the files' resolution they look the same.
 
-    Hinting takes more than half of the time of text. Matplotlib has one setting for all threads,
-    so that figures are drawn one after the other.
+    Hinting takes a third of the time of text. Matplotlib has one setting for all threads, so that
+    figures are drawn one after the other.
     """
     with _ONE_AT_A_TIME, rc_context({"text.hinting": "no_hinting"}):
         yield
