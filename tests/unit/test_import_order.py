@@ -164,3 +164,18 @@ def test_what_follows_from_a_case_is_found_in_one_place():
     for file in sorted(FOLDERS["drcmitsuba"].rglob("*.py")):
         if file.relative_to(FOLDERS["drcmitsuba"]).as_posix() not in own:
             assert not finders.findall(file.read_text(encoding="utf-8")), file
+
+
+def test_the_page_names_all_modules_that_ask_whether_a_case_has_a_room():
+    """Nothing keeps a task from a model in silence: each difference stands there."""
+    asks = re.compile(r"\b(case|first|self)\.room is (not )?None")
+    modules = set()
+    package = FOLDERS["drcmitsuba"]
+    for path in package.rglob("*.py"):
+        lines = path.read_text(encoding="utf-8").splitlines()
+        if any(asks.search(line) and "assert" not in line for line in lines):
+            modules.add(path.relative_to(package).as_posix())
+    page = (Path(__file__).parents[2] / "docs" / "architecture.md").read_text(encoding="utf-8")
+    _, after = page.split("## Where rooms of boxes and models differ")
+    table = after.split("\n## ")[0]
+    assert set(re.findall(r"`([\w/]+\.py)`", table)) == modules
