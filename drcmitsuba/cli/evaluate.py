@@ -243,19 +243,19 @@ def _show_result(result: SavedResult, output: Path) -> None:
 def _evaluate_variants(case: str, names: list[str], output: Path, weather: Path | None) -> None:
     """Evaluate several façades of one room from one simulation."""
     from drcmitsuba.annual.variants import evaluate_variants, load_variants
-    from drcmitsuba.report.side_by_side import FacadeShares, side_by_side
+    from drcmitsuba.report.side_by_side import FacadeOfPicture, side_by_side
     from drcmitsuba.report.standing import DrawnParts
     from drcmitsuba.report.style import save_all
 
     cases = [c.with_weather(weather) for c in load_variants(case, names)]
     pictures = cases[0].effects.pictures  # as in all of them
-    metrics, drawn, shares, names_drawn = {}, DrawnParts(), list[FacadeShares](), list[str]()
+    metrics, drawn, shares, names_drawn = {}, DrawnParts(), list[FacadeOfPicture](), list[str]()
     with stages() as stage, (saving := Behind()).opened():
         results = evaluate_variants(cases, stage)
         for name, result in zip([Path(case).stem, *names], results, strict=True):
             E = result.illuminance.load()  # the device serves one thread
             if pictures != "off":
-                shares.append(FacadeShares.of(name, result.case, E, result.metrics))
+                shares.append(FacadeOfPicture.of(name, result.case, E, result.metrics))
             kept = result.without_pictures(SIDE_BY_SIDE) if pictures == "auto" else result
             saving.do(partial(kept.save, output / name, stage, drawn))
             metrics[name] = result.metrics

@@ -42,8 +42,8 @@ WALLS = "room", "glazing"
 
 
 @dataclass(frozen=True, eq=False)
-class FacadeShares:
-    """Light of a façade by point."""
+class FacadeOfPicture:
+    """A façade as pictures side by side show it: light by point, and numbers."""
 
     name: str
     case: Case
@@ -61,7 +61,7 @@ class FacadeShares:
     @classmethod
     def of(
         cls, name: str, case: Case, illuminance: xr.Dataset, numbers: Mapping[str, Any]
-    ) -> FacadeShares:
+    ) -> FacadeOfPicture:
         """Sum up E of an evaluation, `total` and `direct_sun` (time, sensor) [lx]."""
         t, stamps = case.metrics, illuminance.sizes["time"]
         hours = float(illuminance.attrs.get("step_hours", 1.0))
@@ -72,7 +72,7 @@ class FacadeShares:
         return cls(name, case, 100 * enough / stamps, in_sun * hours, least, numbers, where)
 
 
-class _Kind(NamedTuple):
+class _PlanKind(NamedTuple):
     """One of the two plans of every façade."""
 
     name: str
@@ -122,7 +122,11 @@ class _Room(NamedTuple):
         return np.asarray(LONGEST * across / across.max())
 
     def draw(
-        self, ax: Axes, values: np.ndarray, kind: _Kind, lines: Mapping[str, Sequence[np.ndarray]]
+        self,
+        ax: Axes,
+        values: np.ndarray,
+        kind: _PlanKind,
+        lines: Mapping[str, Sequence[np.ndarray]],
     ) -> None:
         """Draw the plan of values (sensor,) with the outlines of a façade."""
         ax.set(xlim=self.view[:, 0], ylim=self.view[:, 1])
@@ -137,12 +141,12 @@ class _Room(NamedTuple):
         draw_lines(ax, {**walls, "limit": limit}, thin=0.5)
 
 
-def side_by_side(facades: Sequence[FacadeShares]) -> dict[str, Figure]:
+def side_by_side(facades: Sequence[FacadeOfPicture]) -> dict[str, Figure]:
     """Draw the plans of façades that have the same sensors.
 
     Parameters
     ----------
-    facades : sequence of FacadeShares
+    facades : sequence of FacadeOfPicture
 
     Returns
     -------
@@ -152,11 +156,13 @@ def side_by_side(facades: Sequence[FacadeShares]) -> dict[str, Figure]:
     Examples
     --------
     >>> from drcmitsuba.annual.variants import evaluate_variants, load_variants
-    >>> from drcmitsuba.report.side_by_side import FacadeShares, side_by_side
+    >>> from drcmitsuba.report.side_by_side import FacadeOfPicture, side_by_side
     >>> cases = load_variants("office.toml", ["film_office"])
-    >>> results = evaluate_variants(cases)
-    >>> shares = [FacadeShares.of(r.case.name, r.case, r.illuminance, r.metrics) for r in results]
-    >>> figure = side_by_side(shares)["variants.png"]
+    >>> facades = [
+    ...     FacadeOfPicture.of(result.case.name, result.case, result.illuminance, result.metrics)
+    ...     for result in evaluate_variants(cases)
+    ... ]
+    >>> figure = side_by_side(facades)["variants.png"]
     """
     every = sheets(facades[0].enough.coords.to_dataset())[:MOST_SHEETS]
     pages = [facades[i : i + MOST] for i in range(0, len(facades), MOST)]
@@ -165,7 +171,7 @@ def side_by_side(facades: Sequence[FacadeShares]) -> dict[str, Figure]:
     return dict(zip(names if len(drawn) > 1 else ["variants.png"], drawn, strict=True))
 
 
-def _picture(facades: Sequence[FacadeShares], sheet: Sheet) -> Figure:
+def _picture(facades: Sequence[FacadeOfPicture], sheet: Sheet) -> Figure:
     """Draw façades on one sheet: hours with enough light, and beside them hours in the sun."""
     first, here = facades[0], sheet.sensors
     at = np.column_stack([first.enough[axis].values for axis in "xy"])[here]
@@ -197,7 +203,7 @@ def _picture(facades: Sequence[FacadeShares], sheet: Sheet) -> Figure:
     return paper.figure
 
 
-def _kinds(facades: Sequence[FacadeShares], here: np.ndarray) -> list[_Kind]:
+def _kinds(facades: Sequence[FacadeOfPicture], here: np.ndarray) -> list[_PlanKind]:
     """Plans of every façade with the scales that they have in common."""
     t = facades[0].case.metrics
     enough, in_sun = (
@@ -206,8 +212,10 @@ def _kinds(facades: Sequence[FacadeShares], here: np.ndarray) -> list[_Kind]:
     )
     hours = scale(np.ma.masked_invalid(np.concatenate(in_sun)), None, t.ase_hours)
     return [
-        _Kind(
+        _PlanKind(
             f"hours with {t.sda_threshold:g} lx [%]", enough, Normalize(0, 100), facades[0].least
         ),
-        _Kind(f"hours with {t.ase_threshold:g} lx of direct sun [h]", in_sun, hours, t.ase_hours),
+        _PlanKind(
+            f"hours with {t.ase_threshold:g} lx of direct sun [h]", in_sun, hours, t.ase_hours
+        ),
     ]

@@ -12,8 +12,9 @@ light_on_receivers
     Light on sensors and cells, and what paths gather of it: without dark cells, by parts of panes.
 trace
     Paths of a case, and the light of every element before any diffuse reflection.
-straight_light
-    Light that comes straight, of the pairs of a bin and a sensor that see each other.
+straight_light, straight_pairs
+    Light that comes straight, of the pairs of a bin and a sensor that see each other; of all
+    elements, by any shares.
 light, simulate
     Coefficients of every element, of which any façade is recombined.
 illuminance

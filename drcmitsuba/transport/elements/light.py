@@ -91,7 +91,7 @@ class ElementLight:
         seen = np.flatnonzero(kept[own])
         return at[own[seen]] * self.pairs.shape[1] + sensor[seen], seen
 
-    def times(self, factor: float, rows: Rows) -> ElementLight:
+    def times(self, factor: float, rows: ElementRows) -> ElementLight:
         """Light times a factor, whose `total` and `blocks` are put into dark `rows`."""
         light, f = self.within(rows), np.float32(factor)
         for name in ("total", "blocks"):
@@ -100,7 +100,7 @@ class ElementLight:
         pairs = replace(self.pairs, C=self.pairs.C * f)
         return replace(light, pairs=pairs, direct=None if self.direct is None else self.direct * f)
 
-    def within(self, rows: Rows) -> ElementLight:
+    def within(self, rows: ElementRows) -> ElementLight:
         """Light with its part of the `rows` of all elements; an opaque one has none."""
         here = slice(self.first, self.first + len(self.bins))
         return replace(self, total=rows.total[:, here], blocks=rows.blocks[:, here])
@@ -122,7 +122,7 @@ class ElementLight:
         return lit + self.pairs.places.nbytes
 
 
-class Rows(NamedTuple):
+class ElementRows(NamedTuple):
     """Light of several elements, bin by bin, those of one element after those of another."""
 
     total: np.ndarray
@@ -143,7 +143,7 @@ class LightByElement:
     """Bins: ground, sky patches, suns."""
     sky_bins: int
     """Number of bins of ground and sky, which come first."""
-    rows: Rows
+    rows: ElementRows
     """Light of all elements row by row: `total` and `blocks` of each are a part of them."""
     besides: ElementLight
     """Light that passes no opening."""
@@ -324,7 +324,7 @@ class LightByElement:
         """Light with factors (element,) of what comes in by each; what it sends back stays."""
         if (factors == 1).all():
             return self
-        rows = Rows(*(aligned_zeros(part.shape, np.float32) for part in self.rows))
+        rows = ElementRows(*(aligned_zeros(part.shape, np.float32) for part in self.rows))
         besides = self.besides.times(1.0, rows)
         parts = zip(self.elements, factors.tolist(), strict=True)
         elements = tuple(light.times(f, rows) for light, f in parts)

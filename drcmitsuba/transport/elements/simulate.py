@@ -19,7 +19,7 @@ from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.elements.light import ElementLight, LightByElement, Rows
+from drcmitsuba.transport.elements.light import ElementLight, ElementRows, LightByElement
 from drcmitsuba.transport.elements.light_on_receivers import Matrix
 from drcmitsuba.transport.elements.paths import ElementPaths
 from drcmitsuba.transport.elements.scenes import Element
@@ -144,14 +144,16 @@ def _launches(replicates: int, draws: int, together: int) -> Iterator[range]:
 
 def _dark(
     trace: ElementTrace, kept: int, every: Sequence[Element]
-) -> tuple[Rows, list[ElementLight]]:
+) -> tuple[ElementRows, list[ElementLight]]:
     """Light of 0 of every element, of which opaque ones have the same rows."""
     sensors, blocks = len(trace.points), trace.paths.blocks
     count = [-(-len(e.bins) // ALIGNED) * ALIGNED for e in every]
     ends = np.cumsum(
         [max(count), *(0 if e.is_opaque else n for e, n in zip(every, count, strict=True))]
     )
-    rows = Rows(*(aligned_zeros((kept, int(ends[-1]), n), np.float32) for n in (sensors, blocks)))
+    rows = ElementRows(
+        *(aligned_zeros((kept, int(ends[-1]), n), np.float32) for n in (sensors, blocks))
+    )
     lights = []
     for element, end in zip(every, ends.tolist(), strict=False):
         shape = len(element.bins), sensors

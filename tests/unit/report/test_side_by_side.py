@@ -5,7 +5,7 @@ import pytest
 from matplotlib.collections import QuadMesh
 from matplotlib.text import Text
 
-from drcmitsuba.report.side_by_side import MOST, FacadeShares, side_by_side
+from drcmitsuba.report.side_by_side import MOST, FacadeOfPicture, side_by_side
 from tests.unit.report.test_figures import case_of, year_of
 
 
@@ -13,7 +13,7 @@ def shares(name, factor=1.0):
     case = case_of()
     E, numbers = year_of(case)
     E["total"] = factor * E["total"]
-    return FacadeShares.of(name, case, E, numbers)
+    return FacadeOfPicture.of(name, case, E, numbers)
 
 
 def meshes(figure):
