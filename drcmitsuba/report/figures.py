@@ -39,19 +39,24 @@ def pictures(
     `spectral` holds `melanopic` (time, sensor) [lx].
     There is a plan for each of the `sheets`; several have a number in their names.
     """
-    t = case.metrics
-    total, direct = luminance(illuminance["total"]), luminance(illuminance["direct_sun"])
-    sums = xr.Dataset(
-        {
-            "mean_illuminance": total.mean("time", dtype=float),
-            "enough": (total >= t.sda_threshold).sum("time"),
-            "in_sun": (direct >= t.ase_threshold).sum("time"),
-        }
-    )
+    enough, in_sun = stamps_above(case, illuminance)
+    mean = luminance(illuminance["total"]).mean("time", dtype=float)
+    sums = xr.Dataset({"mean_illuminance": mean, "enough": enough, "in_sun": in_sun})
     if spectral is not None:
         enough = spectral["melanopic"] >= numbers["melanopic"]["threshold"]
         sums["melanopic"] = 100 * enough.mean("time")
     return pictures_of_sums(case, illuminance, sums, numbers)
+
+
+def stamps_above(case: Case, illuminance: xr.Dataset) -> tuple[xr.DataArray, xr.DataArray]:
+    """Count the time stamps with enough light, and those in direct sun, (sensor,) each.
+
+    E is `total` and `direct_sun` (time, sensor) [lx], the thresholds are those of the case.
+    """
+    t = case.metrics
+    enough = luminance(illuminance["total"]) >= t.sda_threshold
+    in_sun = luminance(illuminance["direct_sun"]) >= t.ase_threshold
+    return enough.sum("time"), in_sun.sum("time")
 
 
 def pictures_of_sums(

@@ -19,13 +19,13 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.report.captions import place_and_period
 from drcmitsuba.report.colour_scale import scale
+from drcmitsuba.report.figures import stamps_above
 from drcmitsuba.report.outlines import outlines_in_plan
 from drcmitsuba.report.plan_view import closed, draw_lines, view_of
 from drcmitsuba.report.sensor_marks import SensorMarks
 from drcmitsuba.report.sheets import MOST_SHEETS, Sheet, sheets
 from drcmitsuba.report.style import COLOURS, GREY, NAME, ORANGE
 from drcmitsuba.runtime.errors import on_a_line
-from drcmitsuba.schema import luminance
 
 MOST = 24
 """Largest number of façades on a picture."""
@@ -65,8 +65,7 @@ class FacadeOfPicture:
         """Sum up E of an evaluation, `total` and `direct_sun` (time, sensor) [lx]."""
         t, stamps = case.metrics, illuminance.sizes["time"]
         hours = float(illuminance.attrs.get("step_hours", 1.0))
-        enough = (luminance(illuminance["total"]) >= t.sda_threshold).sum("time")
-        in_sun = (luminance(illuminance["direct_sun"]) >= t.ase_threshold).sum("time")
+        enough, in_sun = stamps_above(case, illuminance)
         least = 100 * metrics.autonomy_stamps(t.sda_fraction, stamps) / stamps
         where = place_and_period(case, illuminance, numbers)
         return cls(name, case, 100 * enough / stamps, in_sun * hours, least, numbers, where)
@@ -77,7 +76,7 @@ class _PlanKind(NamedTuple):
 
     name: str
     values: Sequence[np.ndarray]
-    """Of every façade, shape (sensor,)."""
+    """Values of every façade, shape (sensor,) each."""
     norm: Normalize
     limit: float
 
@@ -101,7 +100,7 @@ class _Paper(NamedTuple):
 
 
 class _Room(NamedTuple):
-    """What the plans of all façades have in common."""
+    """Marks of the sensors, and the view, that the plans of all façades share."""
 
     marks: Sequence[SensorMarks]
     view: np.ndarray

@@ -64,6 +64,7 @@ class DrawnParts:
         return np.asarray(renderer.buffer_rgba())
 
     def _draw(self, figure: Figure, renderer: Any) -> None:
+        """Draw a figure, the standing parts first where it has such."""
         if not isinstance(figure, SheetFigure):
             figure.draw(renderer)
             return
