@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any, cast
 
@@ -29,6 +29,7 @@ from drcmitsuba.design.problem import FacadeProblem
 from drcmitsuba.design.realise import realise
 from drcmitsuba.design.requirement import asked_of
 from drcmitsuba.model.materials import GlazingMaterial
+from drcmitsuba.plan import plan
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.runtime.toml import Side
@@ -161,14 +162,15 @@ class Layout:
             asked_of(case, daylight)  # refused before any light is traced
         fills = ("wall", self.clear, self.film)
         tiled = TiledFacades.of_grid(case, self.side, heights, self.segments, fills)
+        effects = replace(ALL_EFFECTS, solved_cells=plan(case, daylight).scope.solved_cells)
         with stage("light by tile") as done:
             channels = light_of_channels(
-                tiled.case, tiled.panes, daylight.suns, case.accuracy, ALL_EFFECTS, done, kept
+                tiled.case, tiled.panes, daylight.suns, case.accuracy, effects, done, kept
             )
         groups = groups_of(tiled, case, daylight.sky["time"])
         tiles, openings = self.segments * (len(heights) - 1), None
         if eyes is not None:
-            openings = LitOpenings(tiled.case, tiled.panes, ALL_EFFECTS, eyes)
+            openings = LitOpenings(tiled.case, tiled.panes, effects, eyes)
         return TiledLight.of(tiled, tiles, channels, groups, openings), daylight
 
     def light_as_drawn(self, stage: Stage = silent) -> tuple[TiledLight, Daylight]:

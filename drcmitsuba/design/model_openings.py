@@ -115,7 +115,6 @@ class SearchedOpenings:
         accuracy = accuracy_of(case, run)
         filled = [each.with_tables(accuracy=case.accuracy) for each in self.variants[1:]]
         scope = joined_effects([plan(each, light).scope for each in filled])
-        scope = replace(scope, solved_cells=False)  # gradients follow paths
         facades = self.facades
         with run.timed("light by pane") as done:
             channels = light_of_channels(

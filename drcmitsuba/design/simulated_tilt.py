@@ -26,6 +26,7 @@ from drcmitsuba.metrics import Interval, accumulate, illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import draw_shade, evaluate_metrics
 from drcmitsuba.metrics.facade_states import sun_group
+from drcmitsuba.plan import plan
 from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.schema import by_luminance, luminance
 from drcmitsuba.sky.daylight import Daylight
@@ -54,7 +55,7 @@ def simulated_tilt(
         yield part(progress, 0, last) if name == "open façade" else part(progress, last, 1)
 
     needed = None if groups is None else partial(_needed, case, daylight, groups)
-    run = replace(Run.of(case), stage=stage)
+    run = replace(Run.of(case, plan(case, daylight).scope), stage=stage)
     coefficients, direct, *_ = simulation.simulate(case, daylight, run, needed=needed)
     judged = evaluate_metrics(case, daylight, coefficients, direct)
     year = by_luminance(judged.illuminance)

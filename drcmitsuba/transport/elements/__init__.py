@@ -4,8 +4,8 @@ marks, marked_light
     Marks of paths that met openings whose fill is left open; the light of such paths.
 weights
     Shares of elements at every time stamp, and the sums of their light.
-paths
-    Paths that met no opening, and light that openings send back; on paths, or solved on cells.
+paths, solved_paths
+    Paths that met no opening, and what openings send back: of all bounces, or solved on cells.
 scenes
     Scenes in which one opening with one fill lets light in, and their deposits.
 light_on_receivers
@@ -22,9 +22,9 @@ illuminance
 known_year, weighed_year, year_by_bin
     Illuminances of a year by element; those of any façade, summed from them where they are asked
     for; those of few façades, each from its own coefficients.
-state_illuminances, mixed_rows, smooth_year
-    E of a period in every state of a façade; weighted sums of arrays; the smooth twin of a year of
-    known light, whose derivatives by the shares are exact.
+state_illuminances, mixed_rows, smooth_return, smooth_year
+    E of a period in every state of a façade; weighted sums of arrays; what openings send
+    back, and the smooth twin of a year of known light, whose derivatives by the shares are exact.
 """
 
 from drcmitsuba.transport.elements.illuminance import illuminance

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +39,15 @@ class MarkedLight:
         met = elements_of(marked.mark)
         each = (np.flatnonzero(result == r) for r in range(results))
         return [cls(sensor[at], marked.block[at], marked.weight[at], met[at], shape) for at in each]
+
+    @classmethod
+    def mean(cls, parts: Sequence[MarkedLight]) -> MarkedLight:
+        """Mean over results."""
+        sensor, block, weight, met = (
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("sensor", "block", "weight", "met")
+        )
+        return cls(sensor, block, weight / np.float32(len(parts)), met, parts[0].shape)
 
     @property
     def nbytes(self) -> int:

@@ -8,6 +8,7 @@ probability, times the product of the shares of the elements of the mark holds f
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 
 import drjit as dr
@@ -27,6 +28,9 @@ MEETINGS = 3
 BITS = 10
 """Bits of a mark for each meeting."""
 MOST_ELEMENTS = (1 << BITS) - 1
+DEPOSITED = 1 << BITS * MEETINGS
+"""Bit of the mark of a path that ends at a film: it gets the light that reaches the film straight,
+and none that surfaces send there."""
 
 
 class OpeningMarks:
@@ -71,7 +75,18 @@ class OpeningMarks:
         self._bsdfs = [mi.load_dict(hole if m is None else bsdf(m, channel)) for m in kinds]
         scatters = [deposits and isinstance(m, DiffuserMaterial | BsdfMaterial) for m in kinds]
         self._scatters = mi.Bool(scatters)
+        self._has_lobes = mi.Bool([deposits and isinstance(m, BsdfMaterial) for m in kinds])
+        self._may_split = False
         self._beyond = beyond
+
+    def ending(self) -> OpeningMarks:
+        """Marks of paths that end where light is deposited: at a film half of them do, `DEPOSITED`.
+
+        The others go on by its lobes. Paths of all bounces do both.
+        """
+        other = copy(self)
+        other._may_split = True
+        return other
 
     def placed_in(self, empty: Scene) -> Scene:
         """Scene with these panes, whose fill is left open, in the empty places of a scene."""
@@ -92,7 +107,8 @@ class OpeningMarks:
         mine = si.shape == self._panes
         quad = si.prim_index // 2
         count = dr.gather(mi.UInt32, self._count, quad, mine)
-        fill = dr.minimum(mi.UInt32(number * mi.Float(count)), dr.maximum(count, 1) - 1)
+        number *= mi.Float(count)
+        fill = dr.minimum(mi.UInt32(number), dr.maximum(count, 1) - 1)
         piece = dr.gather(mi.UInt32, self._piece, quad, mine)
         kind = dr.gather(mi.UInt32, self._table, piece * self._fills + fill, mine)
         element = dr.gather(mi.UInt32, self._first, quad, mine) + fill + 1
@@ -103,6 +119,12 @@ class OpeningMarks:
         factor = dr.select(mine, dr.select(once_more, mi.Float(count), 0), 1)
         scatters = mine & dr.gather(mi.Bool, self._scatters, kind, mine)
         mark = dr.select(mine, (mark << BITS) | element, mark)
+        if dr.hint(self._may_split, mode="scalar"):
+            splits = mine & dr.gather(mi.Bool, self._has_lobes, kind, mine)
+            ends = number - fill < 0.5
+            factor = dr.select(splits, 2 * factor, factor)
+            scatters &= ~splits | ends
+            mark = dr.select(splits & ends, mark | DEPOSITED, mark)
         return chosen, mark, factor, mi.Bool(True), scatters
 
 
@@ -122,3 +144,8 @@ def elements_of(mark: np.ndarray) -> np.ndarray:
     """Elements that paths met, the last first, counted from 0; −1 for none; (vertex, meeting)."""
     shifts = BITS * np.arange(MEETINGS)
     return ((mark[:, None] >> shifts) & MOST_ELEMENTS).astype(np.int64) - 1
+
+
+def is_deposited(mark: np.ndarray) -> np.ndarray:
+    """Whether paths end at a film with the light that reaches it straight, see `DEPOSITED`."""
+    return mark >= DEPOSITED

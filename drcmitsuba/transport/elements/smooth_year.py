@@ -23,8 +23,8 @@ from drcmitsuba.schema import positions
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.luminances import blended
 from drcmitsuba.transport.elements.light import ElementLight, LightByElement
-from drcmitsuba.transport.elements.marked_light import MarkedLight
 from drcmitsuba.transport.elements.mixed_rows import Rows, mixed
+from drcmitsuba.transport.elements.smooth_return import SmoothReturn
 from drcmitsuba.transport.elements.state_illuminances import Illuminances
 from drcmitsuba.transport.elements.straight_pairs import StraightPairs
 
@@ -64,9 +64,8 @@ class SmoothYear:
     """Straight light of the open state."""
     groups: tuple[StraightPairs, ...]
     """That by each group of panes where there are several."""
-    returned: tuple[mi.UInt32, mi.UInt32, tuple[mi.UInt32, ...], mi.Float]
-    """Sensor, block, elements and weight of paths that met openings; the number of all elements
-    stands for none."""
+    returned: SmoothReturn
+    """Light that openings send back."""
     sky: mi.TensorXf
     """Luminance [cd/m²], shape (time, sky bin)."""
     suns: tuple[tuple[mi.UInt32, mi.Float], ...]
@@ -82,7 +81,6 @@ class SmoothYear:
         Parameters
         ----------
         light : LightByElement
-            Its light between surfaces is followed on paths, not solved on cells.
         daylight : Daylight
         is_open : np.ndarray of bool, shape (element,)
             Whether an element may have a share while everything is open.
@@ -140,7 +138,7 @@ class SmoothYear:
             else (),
             straight=straight(np.append(is_open, True)),
             groups=tuple(straight(is_open & (group == g)) for g in groups),
-            returned=_returned(light),
+            returned=SmoothReturn.of(light.returned, len(elements)),
             sky=mi.TensorXf(sky["sky"].values.astype(np.float32)),
             suns=suns,
         )
@@ -210,11 +208,11 @@ class SmoothYear:
         """
         same = self._sum(self.same, shares * factors, self.besides)
         lit = self._sum(self.opened, shares * factors, same)
-        states = [self._with_returned(shares, *lit)]
+        states = [self.returned.added(*lit, shares)]
         for closing, part in zip(self.closings, self.closed, strict=False):
             behind = (mi.TensorXf(shares, (1, dr.width(shares))) @ closing).array
             lit = self._sum(part, behind * factors, same)
-            states.append(self._with_returned(behind, *lit))
+            states.append(self.returned.added(*lit, behind))
         return tuple(states)
 
     def _sum(
@@ -225,20 +223,6 @@ class SmoothYear:
             return more
         own = _taken(weights, part.elements)
         return more[0] + mixed(part.total, own), more[1] + mixed(part.blocks, own)
-
-    def _with_returned(self, weights: mi.Float, total: mi.Float, D: mi.Float) -> mi.Float:
-        """C with light that openings send back, flat (bin, sensor)."""
-        bins, blocks, sensors = self.shape
-        sensor, block, met, weight = self.returned
-        if dr.width(weight) == 0 or blocks == 0:
-            return total
-        factor = mi.Float64(weights)  # in double precision, since its gradient is a sum, too
-        for element in met:
-            weight = weight * dr.gather(mi.Float64, factor, element)
-        G = dr.zeros(mi.Float64, blocks * sensors)
-        dr.scatter_add(G, mi.Float64(weight), block * sensors + sensor)
-        sent_back = mi.TensorXf(D, (bins, blocks)) @ mi.TensorXf(mi.Float(G), (blocks, sensors))
-        return total + sent_back.array
 
     def _accumulated(self, coefficients: mi.Float) -> mi.TensorXf:
         """E [lx] from C, flat (bin, sensor)."""
@@ -283,22 +267,6 @@ def _row(own: np.ndarray, results: np.ndarray, bins: np.ndarray) -> mi.Float:
     whole, known = aligned_zeros((len(bins), mean.shape[1]), np.float32), np.isin(own, bins)
     whole[np.searchsorted(bins, own[known])] = mean[known]
     return shared(whole)
-
-
-def _returned(light: LightByElement) -> tuple[Any, ...]:
-    """Sensor, block, elements and weight of all paths that met openings."""
-    paths = [back for back in light.returned if isinstance(back, MarkedLight)]
-    assert len(paths) == light.replicates, "light between surfaces is not solved on cells"
-    sensor, block, met, weight = (
-        np.concatenate([getattr(back, name) for back in paths])
-        for name in ("sensor", "block", "met", "weight")
-    )
-    elements = np.where(met < 0, len(light.elements), met).T
-    return (
-        *map(flat_indices, (sensor, block)),
-        tuple(map(flat_indices, elements)),
-        flat(weight / np.float32(light.replicates)),
-    )
 
 
 def _check_sky(light: LightByElement, daylight: Daylight) -> None:

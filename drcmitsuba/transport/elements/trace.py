@@ -23,7 +23,6 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import HIDDEN, GroupStates
-from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
@@ -160,10 +159,9 @@ class ElementTrace:
         hidden = scene.load(case, label, channel, effects, openings)
         marks = OpeningMarks(panes, np.array(groups.starts), channel, effects.beyond)
         world = marks.placed_in(hidden.searched())
-        # What a film sends back by its lobes is followed on paths.
-        is_even = not any(isinstance(m, BsdfMaterial) for each in panes for m in each.materials)
-        on_cells = effects.solved_cells and is_even and draws == 1
-        paths = paths_of(world, points, normals, accuracy, marks, draws, on_cells=on_cells)
+        paths = paths_of(
+            world, points, normals, accuracy, marks, draws, on_cells=effects.solved_cells
+        )
         labels = (*Patches(case.sky.subdivision).labels, *suns.labels)
         besides, *elements = elements_of_case(
             case, openings, panes, suns, points, normals, accuracy, effects, channel, wanted

@@ -24,10 +24,18 @@ from drcmitsuba.scene.tiled_facades import TiledFacades
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.transport import coefficients, elements
+from drcmitsuba.transport.elements.marked_light import MarkedLight
+from drcmitsuba.transport.elements.solved_paths import SolvedReturn
 from tests.tiled_room import MIXED, PLAIN, SIZE, room
 
 HEIGHTS = np.array([0.9, 1.8, 2.7])
 FILLS = ("wall", "glass", "fabric")
+SOLVED = {
+    "paths": (ALL_EFFECTS, MarkedLight),
+    "cells": (replace(ALL_EFFECTS, solved_cells=True), SolvedReturn),
+}
+"""Effects where light between surfaces is followed on paths or solved on cells, and what of it
+openings send back."""
 
 
 @pytest.fixture(autouse=True)
@@ -41,11 +49,13 @@ def few(light, count):
     return light.suns.only(labels[:: max(1, len(labels) // count)])
 
 
-def by_tile(case, suns, accuracy, *, kept=None, segments=2, fills=FILLS, side="south"):
+def by_tile(
+    case, suns, accuracy, *, kept=None, segments=2, fills=FILLS, side="south", effects=ALL_EFFECTS
+):  # fmt: skip
     """Light of a case by the tiles of a grid."""
 
     tiled = TiledFacades.of_grid(case, side, HEIGHTS, segments, fills)
-    light = elements.compute(tiled.case, tiled.panes, suns, accuracy, ALL_EFFECTS, kept=kept)
+    light = elements.compute(tiled.case, tiled.panes, suns, accuracy, effects, kept=kept)
     return TiledLight.of(tiled, 2 * segments, (light,))
 
 
@@ -124,12 +134,14 @@ def test_the_shade_stands_before_clear_tiles_only():
 # --- years
 
 
-@pytest.fixture(scope="module")
-def grid():
+@pytest.fixture(scope="module", params=SOLVED)
+def grid(request):
     backend.select()
     case = room(PLAIN, facade={"south": {"strips": PLAIN}, "west": WEST})
-    light = daylight(case)
-    return by_tile(case, light.suns, Accuracy(paths=32), kept=1), light
+    light, (effects, kind) = daylight(case), SOLVED[request.param]
+    tiled = by_tile(case, light.suns, Accuracy(paths=32), kept=1, effects=effects)
+    assert [type(each) for each in tiled.channels[0].returned] == [kind]
+    return tiled, light
 
 
 def dirichlet(seed, tiles, materials):
@@ -225,16 +237,17 @@ def test_a_coloured_year_is_that_of_its_luminance():
         assert abs(a.mean() - b.mean()) < 4 * np.sqrt((a.var() + b.var()) / 7)
 
 
-def test_a_year_of_several_results_is_their_mean():
+@pytest.mark.parametrize("where", SOLVED)
+def test_a_year_of_several_results_is_their_mean(where):
     """But for light that tiles send back, of which products of means are taken."""
-    case = room(PLAIN)
+    case, effects = room(PLAIN), SOLVED[where][0]
     light = daylight(case)
-    tiled = by_tile(case, light.suns, Accuracy(paths=256, replicates=6))
+    tiled = by_tile(case, light.suns, Accuracy(paths=256, replicates=6), effects=effects)
     share = dirichlet(1, 4, 3)
     E = FacadeYear.of(tiled, light).illuminance(mi.TensorXf(share)).open.numpy()
     plain = accumulate.by_source(tiled.coefficients(share), light.sky)["total"].values
     np.testing.assert_allclose(E, plain, rtol=0.005)
-    one = by_tile(case, light.suns, Accuracy(paths=256, replicates=6), kept=1)
+    one = by_tile(case, light.suns, Accuracy(paths=256, replicates=6), kept=1, effects=effects)
     together = FacadeYear.of(one, light).illuminance(mi.TensorXf(share)).open.numpy()
     np.testing.assert_allclose(together, E, rtol=0.05)  # G of a replicate by D of another
     assert together.mean() == pytest.approx(E.mean(), rel=1e-3)

@@ -10,7 +10,6 @@ import pytest
 
 from drcmitsuba.annual import simulation
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.effects import Effects
 from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.design import pictures
 from drcmitsuba.design.measure import Measure
@@ -113,8 +112,7 @@ def test_numbers_are_those_of_an_evaluation_with_the_same_seed(tmp_path):
     assert built.components["lamellae"].tilt == 23.0
     assert built.source == problem.case.source
     sky = problem.daylight
-    by_paths = built.with_tables(effects=Effects(solved_cells="off"))  # as a search follows them
-    judged = evaluate_metrics(built, sky, simulation.coefficients(by_paths, sky))
+    judged = evaluate_metrics(built, sky, simulation.coefficients(built, sky))
     assert judged.illuminance["shade_closed"].any()
     candidate = problem.evaluate(problem.free(23.0), 1e4)
     assert candidate.hard.aim == pytest.approx(judged.metrics["sDA"]["value"])
@@ -161,8 +159,7 @@ def test_groups_take_the_states_of_an_evaluation(tmp_path, kind):
     }
     problem = TiltProblem.of(case(tmp_path, **tables))
     built, sky = problem.built(23.0), problem.daylight
-    by_paths = built.with_tables(effects=Effects(solved_cells="off"))
-    judged = evaluate_metrics(built, sky, simulation.coefficients(by_paths, sky))
+    judged = evaluate_metrics(built, sky, simulation.coefficients(built, sky))
     taken = judged.illuminance["facade_state"].values
     assert len(np.unique(taken, axis=0)) >= 3
     assert (taken.min(axis=0) < taken.max(axis=0))[:2].all()  # both groups move

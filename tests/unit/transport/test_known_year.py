@@ -18,7 +18,7 @@ from drcmitsuba.transport import elements
 from drcmitsuba.transport.elements import known_year, year_by_bin
 from drcmitsuba.transport.elements.known_year import KnownYear
 from drcmitsuba.transport.elements.marked_light import MarkedLight
-from drcmitsuba.transport.elements.paths import SolvedReturn
+from drcmitsuba.transport.elements.solved_paths import SolvedReturn
 from drcmitsuba.transport.elements.weighed_year import WeighedYear
 from drcmitsuba.transport.elements.year_by_bin import YearByBin
 from tests.fast import slowly

@@ -1,0 +1,301 @@
+r"""Paths of elements where light between surfaces is solved on cells.
+
+The paths of sensors end at their first surface, and rays between cells take over: with T₀ and G₁
+those that met no opening, t_e and g_e those that met the element e, and X the light on blocks of
+cells after all reflections,
+
+.. math:: X = X_0 + M \sum_e w_e t_e X, \qquad
+          E = S + G_0 D + G_1 P \, (X - X_0) + \sum_e w_e g_e X
+
+where M sums all bounces between blocks that meet no opening, X₀ is what they give, and P gives
+every cell the value of its block. Rays by way of openings end at cells whose light differs from
+that of their block, as below a sill: they meet means V over its cells that count by these rays,
+after a last bounce that is followed cell by cell,
+
+.. math:: V \big( D + T_0 \, (D + P X_0) \big) .
+
+Half of the rays that meet a film go on by its lobes. The others end there, with the light D that
+reaches the film straight, and V D alone: it counts as if the film sent it on evenly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.runtime import lazy
+from drcmitsuba.transport.cells.cells import Cells
+from drcmitsuba.transport.elements.marked_light import MarkedLight
+from drcmitsuba.transport.elements.marks import elements_of, is_deposited
+from drcmitsuba.transport.elements.weights import Year
+from drcmitsuba.transport.gather.blocks import Gathered
+from drcmitsuba.transport.interreflection.solved_cells import Transfer
+from drcmitsuba.transport.light.products import Columns, PathMatrix
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+sparse = lazy.module("scipy.sparse")
+
+NEGLIGIBLE = 1e-6
+"""Share of the light that openings send back which a sum over its returns may leave out."""
+RETURNS = 3
+"""Times that light is sent back by openings; what returns more often, some 10⁻⁵ of E, is lost."""
+
+
+class _Rays(NamedTuple):
+    """Rays that end at cells, an entry of each array for every ray."""
+
+    row: np.ndarray
+    """Sensor, or block of cells, from which it starts, int."""
+    cell: np.ndarray
+    weight: np.ndarray
+    mark: np.ndarray
+
+    def among(self, some: Callable[[np.ndarray], np.ndarray]) -> _Rays:
+        """Rays that carry light, of some marks."""
+        here = np.flatnonzero(some(self.mark) & (self.weight > 0))
+        return _Rays(*(each[here] for each in self))
+
+
+@dataclass(frozen=True)
+class SolvedPaths:
+    """Paths that end at their first surface, and rays between cells.
+
+    G, M and rays of a result are means over its replicates: products join rays of different ones.
+    """
+
+    gathered: Gathered
+    transfer: Transfer
+    """T with the mark of every ray."""
+    sensors: int
+    paths: int
+    """Number of paths of a sensor in a replicate."""
+    draws: int = 1
+    """Number of replicates that are averaged into one result."""
+
+    @property
+    def cells(self) -> Cells:
+        """All cells."""
+        return self.gathered.cells
+
+    @property
+    def blocks(self) -> int:
+        """Number of targets of rays by way of openings."""
+        return len(self._reached)
+
+    @cached_property
+    def _shut(self) -> Transfer:
+        """T of the rays that met no opening."""
+        return self.transfer.weighed(lambda mark: dr.select(mark == 0, mi.Float(1), 0))
+
+    @cached_property
+    def _means(self) -> csr_matrix:
+        """W, shares of cells in the means over blocks, shape (block, cell)."""
+        of, share = self.transfer.blocks.of.numpy(), self.transfer.blocks.share.numpy()
+        place = of, np.arange(len(of))
+        return sparse.csr_matrix((share, place), (self.transfer.blocks.count, len(of)))
+
+    def matrix(self, result: int) -> np.ndarray:
+        """G₀ of all bounces, see `ElementPaths`."""
+        cells, here = self.cells.count, self._replicates(result)
+        every = Columns(dr.arange(mi.UInt32, cells), 0, cells, 1)
+        rows = []
+        for some in self.gathered.blocks:
+            met, count = self.gathered.met(some), some.stop - some.start
+            assert met.mark is not None
+            weight = dr.select(met.mark == 0, met.weight, 0)
+            first = PathMatrix(met.cell, weight, self.paths, count, self.draws, here.start)
+            to_cells, onward = self._shut.followed(here, first, some)
+            G = (to_cells.columns(every) + onward(every)).numpy()
+            rows.append(G.reshape(self.draws, count, cells).mean(axis=0))
+        return np.concatenate(rows)
+
+    def onto_blocks(self, result: int) -> np.ndarray:
+        """V·(1 + T₀·(1 + P·M·W·T₀)), see `ElementPaths`."""
+        M, (once, last) = self._all_bounces(result), self._last_bounces(result)
+        return np.asarray(self._visits + last + (last @ self._cells_of.T) @ M @ once)
+
+    def returned(self, result: int) -> SolvedReturn:
+        """Rays with marks, from sensors and from cells."""
+        between = MarkedLight.mean([self._between(r) for r in self._replicates(result)])
+        M, (_, last) = self._all_bounces(result), self._last_bounces(result)
+        back, count = (last @ self._cells_of.T) @ M, self.transfer.blocks.count
+        rows = np.flatnonzero(self._reached < count)
+        back[rows, self._reached[rows]] += 1
+        rays = self._of_sensors(result).among(lambda mark: mark > 0)
+        return SolvedReturn(self._onto(result), back, between, self._marked(rays, self.sensors))
+
+    @cached_property
+    def _cells_of(self) -> csr_matrix:
+        """Pᵀ, the cells of every block, shape (block, cell)."""
+        of = self.transfer.blocks.of.numpy()
+        place = of, np.arange(len(of))
+        shape = self.transfer.blocks.count, len(of)
+        return sparse.csr_matrix((np.ones(len(of), np.float32), place), shape)
+
+    @cached_property
+    def _visited(self) -> np.ndarray:
+        """Light that sensors get of every cell by rays that meet an opening, float, (2, cell).
+
+        The second row is that of rays that are deposited on films.
+        """
+        cells, blocks = self.cells.count, self.transfer.blocks
+        of, share = blocks.of.numpy(), blocks.share.numpy()
+        results = range(len(self.transfer.marks) // self.draws)
+        of_block = sum(self._onto(result).sum(axis=0) for result in results) / len(results)
+        importance = of_block[of] * share
+        total = np.zeros(2 * cells)
+
+        def add(cell: mi.UInt32, mark: mi.UInt32, weight: np.ndarray) -> None:
+            place = cell.numpy() + cells * is_deposited(mark.numpy())
+            total[:] += np.bincount(place, weight * (mark.numpy() > 0), 2 * cells)
+
+        for (source, cell, weight), mark in zip(
+            self.transfer.bounces, self.transfer.marks, strict=True
+        ):
+            add(cell, mark, importance[source.numpy()] * weight.numpy())
+        for some in self.gathered.blocks:
+            met = self.gathered.met(some)
+            assert met.mark is not None
+            add(met.cell, met.mark, met.weight.numpy())
+        return total.reshape(2, cells)
+
+    @cached_property
+    def _reached(self) -> np.ndarray:
+        """Targets of rays by way of openings in any replicate, int, shape (target,).
+
+        They are blocks of cells, and beyond their number those of which rays are deposited on
+        films.
+        """
+        blocks = self.transfer.blocks
+        deposited, cell = np.nonzero(self._visited > 0)
+        return np.unique(blocks.of.numpy()[cell] + blocks.count * deposited)
+
+    @cached_property
+    def _visits(self) -> csr_matrix:
+        """V, shares of cells in what rays by way of openings meet, shape (target, cell)."""
+        of, count = self.transfer.blocks.of.numpy(), self.transfer.blocks.count
+        deposited, cell = np.nonzero(self._visited > 0)
+        target, visits = of[cell] + count * deposited, self._visited[deposited, cell]
+        share = (visits / np.bincount(target, visits, 2 * count)[target]).astype(np.float32)
+        place = np.searchsorted(self._reached, target), cell
+        return sparse.csr_matrix((share, place), (len(self._reached), len(of)))
+
+    def _last_bounces(self, result: int) -> tuple[csr_matrix, csr_matrix]:
+        """W·T₀ and V·T₀ of a result; cells that send no rays count with the mean of their block."""
+        numbers, sending = self._replicates(result), self.transfer.sending
+        T = sum(self._shut.matrix(r) for r in numbers) / np.float32(self.draws)
+        once, P = self._means @ T, self._cells_of.T.tocsr()
+        is_block = (self._reached < self.transfer.blocks.count).astype(np.float32)
+        V = sparse.diags(is_block) @ self._visits
+        if sending is None:
+            return once, V @ T
+        return once, V[:, :sending] @ T[:sending] + (V[:, sending:] @ P[sending:]) @ once
+
+    def _replicates(self, result: int) -> range:
+        """Replicates of a result."""
+        return range(result * self.draws, (result + 1) * self.draws)
+
+    def _all_bounces(self, result: int) -> np.ndarray:
+        """M, shape (block, block)."""
+        every, blocks = self._shut.all_bounces(self._replicates(result)).numpy(), self._shut.blocks
+        return np.asarray(every.reshape(-1, blocks.count, blocks.count).mean(axis=0))
+
+    def _onto(self, result: int) -> np.ndarray:
+        """G₁·P·M, shape (sensor, block)."""
+        rays, blocks = self._of_sensors(result).among(lambda mark: mark == 0), self.transfer.blocks
+        place = rays.row, blocks.of.numpy()[rays.cell]
+        onto = sparse.csr_matrix((rays.weight, place), (self.sensors, blocks.count))
+        return np.asarray(onto @ self._all_bounces(result))
+
+    def _of_sensors(self, result: int) -> _Rays:
+        """Rays from the sensors in a result."""
+        parts, here = [], self._replicates(result)
+        for some in self.gathered.blocks:
+            met, count = self.gathered.met(some), some.stop - some.start
+            assert met.mark is not None
+            each = slice(here.start * count * self.paths, here.stop * count * self.paths)
+            cell, weight, mark = (a.numpy()[each] for a in (met.cell, met.weight, met.mark))
+            sensor = some.start + np.arange(len(cell)) // self.paths % count
+            parts.append((sensor, cell, weight / np.float32(self.draws), mark))
+        return _Rays(*(np.concatenate(a) for a in zip(*parts, strict=True)))
+
+    def _between(self, replicate: int) -> MarkedLight:
+        """Rays with marks from blocks to targets."""
+        blocks = self.transfer.blocks
+        source, cell, weight = (a.numpy() for a in self.transfer.bounces[replicate])
+        of, share = (a.numpy()[source] for a in (blocks.of, blocks.share))
+        rays = _Rays(of, cell, share * weight, self.transfer.marks[replicate].numpy())
+        return self._marked(rays.among(lambda mark: mark > 0), blocks.count)
+
+    def _marked(self, rays: _Rays, rows: int) -> MarkedLight:
+        """Rays with marks, from so many rows to targets."""
+        blocks = self.transfer.blocks
+        target = blocks.of.numpy()[rays.cell] + blocks.count * is_deposited(rays.mark)
+        place, met = np.searchsorted(self._reached, target), elements_of(rays.mark)
+        return MarkedLight(rays.row, place, rays.weight, met, (rows, self.blocks))
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedReturn:
+    """Light that openings send back, where light between surfaces is solved on cells."""
+
+    onto: np.ndarray
+    """G₁·P·M, shape (sensor, block)."""
+    back: np.ndarray
+    """Light that targets of rays get, after all bounces, of what openings send to any block, shape
+    (target, block); none where rays are deposited on films."""
+    between: MarkedLight
+    """t, rays from every block to the targets by way of openings."""
+    sensors: MarkedLight
+    """g, paths from sensors to the targets by way of openings."""
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the arrays [bytes]."""
+        rays = self.between.nbytes + self.sensors.nbytes
+        return rays + self.onto.nbytes + self.back.nbytes
+
+    @property
+    def met(self) -> np.ndarray:
+        """Elements that paths met, see `SentBack`."""
+        return np.concatenate([self.between.met, self.sensors.met])
+
+    def weighed(self, shares: np.ndarray) -> np.ndarray:
+        """Light of sensors from blocks, see `SentBack`."""
+        t, g = self.between.weighed(shares), self.sensors.weighed(shares)
+        first = g + self.onto @ t
+        return np.asarray(first + first @ all_powers(self.back @ t))
+
+    def add(self, E: np.ndarray, D: np.ndarray, year: Year) -> None:
+        """Add the light of a year, see `SentBack`."""
+        X, sent = D, np.empty((len(D), self.onto.shape[1]), np.float32)
+        for _ in range(RETURNS):
+            sent.fill(0)
+            self.between.add(sent, X, year)
+            X = D + sent @ self.back.T
+        E += sent @ self.onto.T
+        self.sensors.add(E, X, year)
+
+
+def all_powers(once: np.ndarray) -> np.ndarray:
+    """Light between blocks after one return or more: O + O² + O³ + …, from that after one, O.
+
+    The number of powers doubles with each step, S₂ₖ = Sₖ + Oᵏ Sₖ. Openings send back little light:
+    there are half as many products as an inverse of 1 − O is worth.
+    """
+    power = once @ once
+    total = once + power
+    while (most := abs(power).sum(axis=1).max(initial=0)) > NEGLIGIBLE:
+        total = total + power @ total
+        if most**2 <= NEGLIGIBLE:
+            break
+        power = power @ power
+    return total
