@@ -12,25 +12,16 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime import lazy
-from drcmitsuba.runtime.launch_size import PATHS, SENSORS
-from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.elements.marked_light import MarkedLight
-from drcmitsuba.transport.elements.marks import OpeningMarks
-from drcmitsuba.transport.elements.solved_paths import SolvedPaths
 from drcmitsuba.transport.elements.weights import Year
 from drcmitsuba.transport.gather.blocks import Gathered
 from drcmitsuba.transport.gather.marked_paths import MarkedPaths
-from drcmitsuba.transport.interreflection.solved_cells import solved
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
 sparse = lazy.module("scipy.sparse")
-
-MOST_PAIRS = 1 << 28
-"""Largest number of pairs of a sensor and a cell that a matrix holds; beyond it, paths are kept."""
 
 
 class SentBack(Protocol):
@@ -70,38 +61,6 @@ class ElementPaths(Protocol):
 
     def returned(self, result: int) -> SentBack:
         """Light that openings send back."""
-
-
-def paths_of(
-    world: Scene, points: np.ndarray, normals: np.ndarray, accuracy: Accuracy,
-    marks: OpeningMarks, draws: int, *, on_cells: bool,
-) -> ElementPaths:  # fmt: skip
-    """Trace the paths of sensors.
-
-    Parameters
-    ----------
-    world : Scene
-        Scene with the openings, whose fill `marks` draws.
-    points, normals : np.ndarray, shape (sensor, 3)
-        Positions [m] and unit normals.
-    draws : int
-        Number of replicates whose paths are averaged into one result.
-    on_cells : bool
-        Whether light between surfaces may be solved on cells.
-    """
-    if on_cells:
-        ending = marks.ending()
-        gathered = Gathered.of(
-            world, points, normals, accuracy, block=SENSORS, lanes=PATHS, marks=ending, once=True
-        )
-        if gathered.cells.count:
-            gathered, transfer = solved(world, gathered, accuracy, ending)
-            if gathered.cells.count * len(points) <= MOST_PAIRS:
-                return SolvedPaths(gathered, transfer, len(points), accuracy.paths, draws)
-    gathered = Gathered.of(
-        world, points, normals, accuracy, block=SENSORS, lanes=PATHS, marks=marks
-    )
-    return FollowedPaths(gathered, len(points), accuracy.replicates // draws, draws)
 
 
 @dataclass(frozen=True)

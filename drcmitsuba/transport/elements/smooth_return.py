@@ -29,7 +29,7 @@ POWERS = 3
 """Power of O up to which light is sent back: products with it cost little beside those with D."""
 
 
-class _Rays(NamedTuple):
+class _WeighedRays(NamedTuple):
     """Rays that met openings, of which a matrix (block, receiver) is the sum."""
 
     entry: mi.UInt32
@@ -40,7 +40,7 @@ class _Rays(NamedTuple):
     shape: tuple[int, int]
 
     @classmethod
-    def of(cls, marked: MarkedLight, elements: int) -> _Rays:
+    def of(cls, marked: MarkedLight, elements: int) -> _WeighedRays:
         """Rays of a result."""
         receivers, blocks = marked.shape
         entry = marked.block.astype(np.int64) * receivers + marked.sensor
@@ -64,7 +64,7 @@ class _Rays(NamedTuple):
 class _Cells(NamedTuple):
     """Light between blocks of cells."""
 
-    rays: _Rays
+    rays: _WeighedRays
     """t, shape (reached block, block)."""
     onto: mi.TensorXf
     """A, shape (block, sensor)."""
@@ -76,7 +76,7 @@ class _Cells(NamedTuple):
 class SmoothReturn:
     """Light that openings send back, the mean of all results."""
 
-    rays: _Rays
+    rays: _WeighedRays
     """g, or all of G_m on paths, shape (block, sensor)."""
     cells: _Cells | None = None
     """Light between cells where it is solved."""
@@ -87,9 +87,9 @@ class SmoothReturn:
         on_cells = [each for each in returned if isinstance(each, SolvedReturn)]
         if not on_cells:
             paths = [each for each in returned if isinstance(each, MarkedLight)]
-            return cls(_Rays.of(MarkedLight.mean(paths), elements))
+            return cls(_WeighedRays.of(MarkedLight.mean(paths), elements))
         rays, between = (
-            _Rays.of(MarkedLight.mean([getattr(each, name) for each in on_cells]), elements)
+            _WeighedRays.of(MarkedLight.mean([getattr(each, name) for each in on_cells]), elements)
             for name in ("sensors", "between")
         )
         onto, back = (

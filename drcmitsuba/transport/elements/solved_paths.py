@@ -49,7 +49,7 @@ RETURNS = 3
 """Times that light is sent back by openings; what returns more often, some 10⁻⁵ of E, is lost."""
 
 
-class _Rays(NamedTuple):
+class _EndedRays(NamedTuple):
     """Rays that end at cells, an entry of each array for every ray."""
 
     row: np.ndarray
@@ -58,10 +58,10 @@ class _Rays(NamedTuple):
     weight: np.ndarray
     mark: np.ndarray
 
-    def among(self, some: Callable[[np.ndarray], np.ndarray]) -> _Rays:
+    def among(self, some: Callable[[np.ndarray], np.ndarray]) -> _EndedRays:
         """Rays that carry light, of some marks."""
         here = np.flatnonzero(some(self.mark) & (self.weight > 0))
-        return _Rays(*(each[here] for each in self))
+        return _EndedRays(*(each[here] for each in self))
 
 
 @dataclass(frozen=True)
@@ -215,7 +215,7 @@ class SolvedPaths:
         onto = sparse.csr_matrix((rays.weight, place), (self.sensors, blocks.count))
         return np.asarray(onto @ self._all_bounces(result))
 
-    def _of_sensors(self, result: int) -> _Rays:
+    def _of_sensors(self, result: int) -> _EndedRays:
         """Rays from the sensors in a result."""
         parts, here = [], self._replicates(result)
         for some in self.gathered.blocks:
@@ -225,17 +225,17 @@ class SolvedPaths:
             cell, weight, mark = (a.numpy()[each] for a in (met.cell, met.weight, met.mark))
             sensor = some.start + np.arange(len(cell)) // self.paths % count
             parts.append((sensor, cell, weight / np.float32(self.draws), mark))
-        return _Rays(*(np.concatenate(a) for a in zip(*parts, strict=True)))
+        return _EndedRays(*(np.concatenate(a) for a in zip(*parts, strict=True)))
 
     def _between(self, replicate: int) -> MarkedLight:
         """Rays with marks from blocks to targets."""
         blocks = self.transfer.blocks
         source, cell, weight = (a.numpy() for a in self.transfer.bounces[replicate])
         of, share = (a.numpy()[source] for a in (blocks.of, blocks.share))
-        rays = _Rays(of, cell, share * weight, self.transfer.marks[replicate].numpy())
+        rays = _EndedRays(of, cell, share * weight, self.transfer.marks[replicate].numpy())
         return self._marked(rays.among(lambda mark: mark > 0), blocks.count)
 
-    def _marked(self, rays: _Rays, rows: int) -> MarkedLight:
+    def _marked(self, rays: _EndedRays, rows: int) -> MarkedLight:
         """Rays with marks, from so many rows to targets."""
         blocks = self.transfer.blocks
         target = blocks.of.numpy()[rays.cell] + blocks.count * is_deposited(rays.mark)

@@ -25,6 +25,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import HIDDEN, GroupStates
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.runtime.launch_size import PATHS, SENSORS
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
@@ -32,12 +33,16 @@ from drcmitsuba.scene.geometry import origin
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_in_state import grouped_panes, groups_with_surfaces
 from drcmitsuba.scene.prepared_case import prepared
+from drcmitsuba.scene.scene import Scene
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.elements.light_on_receivers import LightOnReceivers
 from drcmitsuba.transport.elements.marks import MOST_ELEMENTS, OpeningMarks
-from drcmitsuba.transport.elements.paths import ElementPaths, paths_of
+from drcmitsuba.transport.elements.paths import ElementPaths, FollowedPaths
 from drcmitsuba.transport.elements.scenes import Element, elements_of_case
+from drcmitsuba.transport.elements.solved_paths import SolvedPaths
+from drcmitsuba.transport.gather.blocks import Gathered
+from drcmitsuba.transport.interreflection.solved_cells import solved
 from drcmitsuba.transport.light.irradiance import Irradiance
 from drcmitsuba.transport.rays.openings import Within, within_of
 from drcmitsuba.transport.rays.straight_suns import Disks, sensor_numbers
@@ -45,6 +50,8 @@ from drcmitsuba.transport.replicate import Replicates
 
 Points = tuple[np.ndarray, np.ndarray]
 """Positions and normals of receivers, shape (sensor, 3) each."""
+MOST_PAIRS = 1 << 28
+"""Largest number of pairs of a sensor and a cell that a matrix holds; beyond it, paths are kept."""
 KEPT = 1 << 26
 """Largest number of pairs of sensors and suns whose disks are kept for further replicates."""
 
@@ -159,7 +166,7 @@ class ElementTrace:
         hidden = scene.load(case, label, channel, effects, openings)
         marks = OpeningMarks(panes, np.array(groups.starts), channel, effects.beyond)
         world = marks.placed_in(hidden.searched())
-        paths = paths_of(
+        paths = _paths_of(
             world, points, normals, accuracy, marks, draws, on_cells=effects.solved_cells
         )
         labels = (*Patches(case.sky.subdivision).labels, *suns.labels)
@@ -222,3 +229,35 @@ class ElementTrace:
             if suns * len(self.points) <= KEPT:
                 self._disks[key] = disks
         return disks
+
+
+def _paths_of(
+    world: Scene, points: np.ndarray, normals: np.ndarray, accuracy: Accuracy,
+    marks: OpeningMarks, draws: int, *, on_cells: bool,
+) -> ElementPaths:  # fmt: skip
+    """Trace the paths of sensors.
+
+    Parameters
+    ----------
+    world : Scene
+        Scene with the openings, whose fill `marks` draws.
+    points, normals : np.ndarray, shape (sensor, 3)
+        Positions [m] and unit normals.
+    draws : int
+        Number of replicates whose paths are averaged into one result.
+    on_cells : bool
+        Whether light between surfaces may be solved on cells.
+    """
+    if on_cells:
+        ending = marks.ending()
+        gathered = Gathered.of(
+            world, points, normals, accuracy, block=SENSORS, lanes=PATHS, marks=ending, once=True
+        )
+        if gathered.cells.count:
+            gathered, transfer = solved(world, gathered, accuracy, ending)
+            if gathered.cells.count * len(points) <= MOST_PAIRS:
+                return SolvedPaths(gathered, transfer, len(points), accuracy.paths, draws)
+    gathered = Gathered.of(
+        world, points, normals, accuracy, block=SENSORS, lanes=PATHS, marks=marks
+    )
+    return FollowedPaths(gathered, len(points), accuracy.replicates // draws, draws)
