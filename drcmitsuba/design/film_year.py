@@ -30,6 +30,7 @@ from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.design.film import Film
 from drcmitsuba.design.film_bins import FilmBins
 from drcmitsuba.metrics import accumulate
+from drcmitsuba.plan import plan
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.runtime.random_streams import Draw, Key
@@ -198,7 +199,8 @@ class FilmYear:
         if scene.is_coloured(case):
             raise InputError(case.source, "materials", "colours", "take grey materials")
         daylight = daylight_of(case) if daylight is None else daylight
-        world, suns, subdivision = scene.load(case, state), daylight.suns, case.sky.subdivision
+        effects, suns = plan(case, daylight).of_any_facade, daylight.suns
+        world, subdivision = scene.load(case, state, effects=effects), case.sky.subdivision
         size = 2 * case.accuracy.cell_size
         films = Films.of(world, size, suns.directions, suns.diameter)
         mount = _mount(case, films)

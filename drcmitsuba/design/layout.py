@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from typing import Any, cast
 
@@ -33,7 +33,6 @@ from drcmitsuba.plan import plan
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.runtime.toml import Side
-from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
 from drcmitsuba.scene.tiled_facades import TiledFacades, refuse_structures_in_strips
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.daylight import daylight as daylight_of
@@ -162,7 +161,7 @@ class Layout:
             asked_of(case, daylight)  # refused before any light is traced
         fills = ("wall", self.clear, self.film)
         tiled = TiledFacades.of_grid(case, self.side, heights, self.segments, fills)
-        effects = replace(ALL_EFFECTS, solved_cells=plan(case, daylight).scope.solved_cells)
+        effects = plan(case, daylight).of_any_facade
         with stage("light by tile") as done:
             channels = light_of_channels(
                 tiled.case, tiled.panes, daylight.suns, case.accuracy, effects, done, kept

@@ -18,7 +18,7 @@ from drcmitsuba.plan.mirrors import mirrors
 from drcmitsuba.plan.summed_year import summed
 from drcmitsuba.scene.components import place
 from drcmitsuba.scene.daylit import refuse_darkness
-from drcmitsuba.scene.enabled_effects import EnabledEffects
+from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.leaks import refuse_leaks
 from drcmitsuba.scene.sun_visibility import SunVisibility, VisibleSuns
 from drcmitsuba.sky.daylight import Daylight
@@ -49,6 +49,11 @@ class Plan:
         """The case as it is simulated: without a shade that never closes."""
         case = self.facts.case
         return case if self.scope.shade else case.with_tables(shading=None, groups={})
+
+    @property
+    def of_any_facade(self) -> EnabledEffects:
+        """Effects of a search, which simulates whatever its façades may call for."""
+        return replace(ALL_EFFECTS, solved_cells=self.scope.solved_cells)
 
     def summed(self, *, always: bool = False) -> Plan:
         """Say what is left out of a year whose E is a sum over groups of panes.

@@ -130,7 +130,7 @@ class SolvedPaths:
         rows = np.flatnonzero(self._reached < count)
         back[rows, self._reached[rows]] += 1
         rays = self._of_sensors(result).among(lambda mark: mark > 0)
-        return SolvedReturn(self._onto(result), back, between, self._marked(rays, self.sensors))
+        return SolvedReturn(self._onto(result) @ M, back, between, self._marked(rays, self.sensors))
 
     @cached_property
     def _cells_of(self) -> csr_matrix:
@@ -146,12 +146,9 @@ class SolvedPaths:
 
         The second row is that of rays that are deposited on films.
         """
-        cells, blocks = self.cells.count, self.transfer.blocks
-        of, share = blocks.of.numpy(), blocks.share.numpy()
-        results = range(len(self.transfer.marks) // self.draws)
-        of_block = sum(self._onto(result).sum(axis=0) for result in results) / len(results)
-        importance = of_block[of] * share
-        total = np.zeros(2 * cells)
+        assert self.transfer.importance is not None
+        cells, total = self.cells.count, np.zeros(2 * self.cells.count)
+        importance = self.transfer.importance.numpy() / len(self.transfer.marks)
 
         def add(cell: mi.UInt32, mark: mi.UInt32, weight: np.ndarray) -> None:
             place = cell.numpy() + cells * is_deposited(mark.numpy())
@@ -208,12 +205,11 @@ class SolvedPaths:
         every, blocks = self._shut.all_bounces(self._replicates(result)).numpy(), self._shut.blocks
         return np.asarray(every.reshape(-1, blocks.count, blocks.count).mean(axis=0))
 
-    def _onto(self, result: int) -> np.ndarray:
-        """G₁·P·M, shape (sensor, block)."""
+    def _onto(self, result: int) -> csr_matrix:
+        """G₁·P, shape (sensor, block)."""
         rays, blocks = self._of_sensors(result).among(lambda mark: mark == 0), self.transfer.blocks
         place = rays.row, blocks.of.numpy()[rays.cell]
-        onto = sparse.csr_matrix((rays.weight, place), (self.sensors, blocks.count))
-        return np.asarray(onto @ self._all_bounces(result))
+        return sparse.csr_matrix((rays.weight, place), (self.sensors, blocks.count))
 
     def _of_sensors(self, result: int) -> _EndedRays:
         """Rays from the sensors in a result."""

@@ -122,6 +122,8 @@ class Transfer:
     """Number of cells that rays start from, the first ones; None for all."""
     marks: tuple[mi.UInt32, ...] = ()
     """Mark of every ray of T, of every replicate, where rays have marks."""
+    importance: mi.Float | None = None
+    """Light that all sensors get by way of each cell in all replicates, where rays have marks."""
     _all_bounces: list[mi.TensorXf] = field(default_factory=list, init=False, repr=False)
     """Sums over all bounces of all replicates, once they have been computed."""
     _sent: dict[range, RayMatrix] = field(default_factory=dict, init=False, repr=False)
@@ -340,7 +342,8 @@ def solved(
     steps = AMONG_FURNITURE if len(furniture(scene)) else STEPS
     steps = 0 if blocks.count == cells.count else steps
     sending = None if sent == cells.count else sent
-    transfer = Transfer(blocks, bounces, steps, sending, marks_of)
+    known = None if marks is None else weight
+    transfer = Transfer(blocks, bounces, steps, sending, marks_of, known)
     return replace(gathered, cells=cells, drawn=drawn), transfer
 
 
