@@ -84,6 +84,7 @@ def test_the_command_finds_a_film_and_tells_what_is_out_of_reach(run, tmp_path):
         optimum["sDA"], abs=8
     )  # of 48 points, 2 replicates
     case = write(tmp_path, "box", least=100, pareto=2)
+    case.write_text(case.read_text().replace("sda_threshold = 700", "sda_threshold = 800"))
     code, out, err = run("optimise", case, "-o", tmp_path / "out")
     assert (code, err) == (0, "")
     optimum = json.loads((tmp_path / "out" / "optimum.json").read_text())
@@ -91,4 +92,4 @@ def test_the_command_finds_a_film_and_tells_what_is_out_of_reach(run, tmp_path):
     best = f"{optimum['sDA']:.1f} %"
     line = f"sDA ≥ 100 % is not reached: the highest that holds the other limits is {best}"
     assert line in out
-    assert optimum["sDA"] > 95
+    assert optimum["sDA"] > 85  # 90 % at the best of ten shares of film

@@ -221,8 +221,9 @@ class SmoothYear:
         """C and block means of D by some elements, and more light, flat (bin, …)."""
         if len(part.elements) == 0:
             return more
-        own = _taken(weights, part.elements)
-        return more[0] + mixed(part.total, own), more[1] + mixed(part.blocks, own)
+        own, (C, D) = _taken(weights, part.elements), more
+        D = D + mixed(part.blocks, own) if self.shape[1] else D
+        return C + mixed(part.total, own), D
 
     def _accumulated(self, coefficients: mi.Float) -> mi.TensorXf:
         """E [lx] from C, flat (bin, sensor)."""

@@ -26,7 +26,7 @@ from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.transport import coefficients, elements
 from drcmitsuba.transport.elements.marked_light import MarkedLight
 from drcmitsuba.transport.elements.solved_paths import SolvedReturn
-from tests.tiled_room import MIXED, PLAIN, SIZE, room
+from tests.tiled_room import MATERIALS, MIXED, PLAIN, SIZE, room
 
 HEIGHTS = np.array([0.9, 1.8, 2.7])
 FILLS = ("wall", "glass", "fabric")
@@ -302,6 +302,16 @@ def test_all_wall_is_dark_and_finite():
     gradient = dr.grad(x).numpy()
     assert np.isfinite(gradient).all()
     assert (gradient[:, 1] > 0).all()
+
+
+def test_fills_that_send_nothing_back_leave_no_block_of_cells():
+    black = {name: {**material, "reflectance": 0.0} for name, material in MATERIALS.items()}
+    case = room(PLAIN, materials=black)
+    light, fills = daylight(case), ("hole", "glass", "fabric")
+    accuracy, (effects, _) = Accuracy(paths=32), SOLVED["cells"]
+    tiled = by_tile(case, light.suns, accuracy, kept=1, fills=fills, effects=effects)
+    assert tiled.channels[0].besides.blocks.shape[2] == 0
+    is_coefficients_times_luminances(tiled, light, dirichlet(1, 4, 3))
 
 
 def test_the_shade_may_be_a_material_of_the_search():
