@@ -97,7 +97,9 @@ class PlanSheet:
         north = ax.annotate("", end, tail, fraction, fraction, arrowprops=arrow)
         style = {"va": "top", "weight": "bold", "fontsize": 11}
         name = figure.text(end[0] + 0.12 / across, end[1], "N", **style)
-        figure.stands(self, ax.xaxis, ax.yaxis, north, name, *self._legend(figure, ax))
+        look = self.view, self.heading, self.small, self.rows
+        figure.stands((type(self), *look), ax.xaxis, ax.yaxis, north, name)
+        figure.also_stands(self.legend, *self._legend(figure, ax))
         return figure, ax, bar
 
     def _legend(self, figure: SheetFigure, ax: Axes) -> list[Artist]:

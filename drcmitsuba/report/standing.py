@@ -26,6 +26,13 @@ class Standing(NamedTuple):
     """All that decides how they look: parts of equal sources look alike at one resolution."""
     artists: tuple[Artist, ...]
     """In the order in which they are drawn."""
+    below: Standing | None = None
+    """Parts that stand below these."""
+
+    @property
+    def layers(self) -> tuple[Standing, ...]:
+        """These parts and all below them, the lowest first."""
+        return (*(() if self.below is None else self.below.layers), self)
 
 
 class SheetFigure(Figure):
@@ -40,8 +47,8 @@ class SheetFigure(Figure):
 
     def also_stands(self, source: Hashable, *artists: Artist) -> None:
         """State further standing parts, which lie above the others."""
-        before = self.standing
-        self.standing = Standing((before.source, source), (*before.artists, *artists))
+        below = self.standing
+        self.standing = Standing((below.source, source), artists, below)
 
 
 class DrawnParts:
@@ -68,19 +75,21 @@ class DrawnParts:
         if not isinstance(figure, SheetFigure):
             figure.draw(renderer)
             return
-        self._begin(figure, renderer)
-        with _hidden(figure.standing.artists):
+        layers = figure.standing.layers
+        for layer in layers:
+            self._begin(figure, layer, renderer)
+        with _hidden([artist for layer in layers for artist in layer.artists]):
             figure.draw(renderer)
 
-    def _begin(self, figure: SheetFigure, renderer: Any) -> None:
-        """Draw the standing parts of a figure, or put their pixels in place."""
-        source = type(figure.standing.source), figure.standing.source, figure.dpi
+    def _begin(self, figure: SheetFigure, layer: Standing, renderer: Any) -> None:
+        """Draw a layer of standing parts upon those below it, or put the pixels of all in place."""
+        source = type(layer.source), layer.source, figure.dpi
         if source in self._known:
             renderer.restore_region(self._known[source])
             return
         for ax in figure.axes:
             ax.apply_aspect()
-        for artist in figure.standing.artists:
+        for artist in layer.artists:
             artist.draw(renderer)
         self._known[source] = renderer.copy_from_bbox(figure.bbox)
 
