@@ -23,11 +23,11 @@ from drcmitsuba.annual.chosen_facade import ChosenFacade, KnownLight, light_of_c
 from drcmitsuba.annual.recombined_year import recombined
 from drcmitsuba.annual.result import Result
 from drcmitsuba.annual.run import Run
-from drcmitsuba.annual.summed_year import Opened, accuracy_of
+from drcmitsuba.annual.summed_year import Opened
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import GroupStates
 from drcmitsuba.case.reading import load_case
-from drcmitsuba.plan import Plan, notes
+from drcmitsuba.plan import Plan, notes, without_rounds
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
@@ -204,8 +204,8 @@ class Elements:
 
     @cached_property
     def _notes(self) -> list[str]:
-        """Notes on the films and the shade."""
-        return notes(self.case)
+        """Notes on the films and the shade, and on a target."""
+        return [*notes(self.case), *without_rounds(self.case)]
 
     def __repr__(self) -> str:
         some = ", ".join(f"{name}: {' | '.join(fills)}" for name, fills in self.fills.items())
@@ -230,7 +230,8 @@ def elements(case: Case | str | Path, fills: Fills = (), stage: Stage = silent) 
     Parameters
     ----------
     case : Case, str or Path
-        Case, TOML file, or name of a shipped case.
+        Case, TOML file, or name of a shipped case. True suns take the place of an adaptive one,
+        and a target adds no rounds.
     fills : sequence of str, or mapping of str to sequence of str, optional
         Further fills of all openings, or of some by their names: materials of the case, "hole",
         and, in a room of boxes, "wall". By default what the case itself may put there.
@@ -245,8 +246,7 @@ def elements(case: Case | str | Path, fills: Fills = (), stage: Stage = silent) 
     Raises
     ------
     InputError
-        An opening or a fill is unknown, the sun is adaptive, there is a target, or memory does not
-        hold so many elements.
+        An opening or a fill is unknown, or memory does not hold so many elements.
 
     Examples
     --------
@@ -258,14 +258,14 @@ def elements(case: Case | str | Path, fills: Fills = (), stage: Stage = silent) 
     >>> result.metrics["sDA"]
     {'value': ..., 'low': ..., 'high': ...}
     """
-    case = case if isinstance(case, Case) else load_case(case)
+    case = (case if isinstance(case, Case) else load_case(case)).with_true_suns()
     backend.select()
     run = replace(Run.of(case), stage=stage)
     with one_blas_thread():
         with run.timed("sky"):
             light = daylight_and_year(case)
             panes, planned, run = Opened.of(case, fills, light, run)
-            accuracy = accuracy_of(case, run)
+            accuracy = run.accuracy(case, len(prepared(case).receivers))
         with run.timed("elements") as done:
             channels = light_of_channels(case, panes, light.suns, accuracy, planned.scope, done)
     return Elements(case, light, planned, run, panes, channels)

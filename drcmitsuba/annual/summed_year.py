@@ -57,8 +57,9 @@ def years_of_states(
     InputError
         The case has an adaptive sun or a target, and errors of `elements.illuminance`.
     """
-    accuracy, effects = accuracy_of(case, run), run.enabled_effects
+    _refuse_rounds(case)
     points, normals = prepared(case).receivers.at()
+    accuracy, effects = run.accuracy(case, len(points)), run.enabled_effects
     channels = scene.channels_of(case, effects)
     groups, labels = prepared(case).groups, Patches(case.sky.subdivision).labels
     *first, count = groups.states.starts
@@ -119,26 +120,19 @@ class Opened(NamedTuple):
     @classmethod
     def of(cls, case: Case, fills: Fills, light: Daylight, run: Run) -> Opened:
         """Open a case whose light is to be summed; errors are those of `openings_of`."""
-        refuse_adaptive(case)
         planned, panes = plan(case, light), openings_of(case, fills)
         scope = effects_of(panes, planned.scope, case.effects)
         return cls(panes, replace(planned, scope=scope), replace(run, enabled_effects=scope))
 
 
-def refuse_adaptive(case: Case) -> None:
-    """Refuse an adaptive sun, whose mesh follows one façade."""
+def _refuse_rounds(case: Case) -> None:
+    """Refuse an adaptive sun and a target, whose further rays follow the light of one façade."""
     if isinstance(case.sun, Adaptive):
         got = "adaptive, where light is summed over openings"
         raise InputError(case.source, "sun.model", got, "take another one, or fewer states")
-
-
-def accuracy_of(case: Case, run: Run) -> Accuracy:
-    """Samples of light by element, which has neither an adaptive sun nor a target."""
-    refuse_adaptive(case)
     if case.accuracy.sensor_goal is not None:
         got = "a target, where light is summed over openings"
         raise InputError(case.source, "accuracy.target", got, "leave it out")
-    return run.accuracy(case, len(prepared(case).receivers))
 
 
 def luminances_of(daylight: Daylight, labels: Sequence[str]) -> csr_matrix:

@@ -14,14 +14,14 @@ from drcmitsuba.annual.chosen_facade import ChosenFacade, KnownLight, light_of_c
 from drcmitsuba.annual.recombined_year import recombined
 from drcmitsuba.annual.result import Result
 from drcmitsuba.annual.run import Run
-from drcmitsuba.annual.summed_year import accuracy_of
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.reading import load_case
-from drcmitsuba.plan import Plan, notes, plan
+from drcmitsuba.plan import Plan, notes, plan, without_rounds
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.scene.enabled_effects import EnabledEffects
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.shared_facades import SharedFacades
 from drcmitsuba.sky.daylight import Daylight, daylight, daylight_and_year
 from drcmitsuba.transport import elements as by_element
@@ -78,7 +78,8 @@ class SharedElements:
         Parameters
         ----------
         cases : sequence of Case
-            Cases of a room of boxes, or of a model.
+            Cases of a room of boxes, or of a model. True suns take the place of adaptive ones,
+            and a target adds no rounds.
         stage : callable, optional
         light : Daylight, optional
             Daylight of the cases; by default computed, with the hours beyond the period where the
@@ -90,20 +91,23 @@ class SharedElements:
         ------
         InputError
             The cases cannot share a simulation: they differ in more than façades, have a structure
-            in a strip, a target or an adaptive sun, or need more memory than there is.
+            in a strip, or need more memory than there is.
         """
         backend.select()
+        cases = [case.with_true_suns() for case in cases]
+        judged = cases if judged is None else [case.with_true_suns() for case in judged]
         first = cases[0]
         facades = shared_facades(cases)
         run = replace(Run.of(first), stage=stage)
-        accuracy = accuracy_of(first, run)
+        accuracy = run.accuracy(first, len(prepared(first).receivers))
         with run.timed("sky"):
             if light is None:  # hours beyond the period need C
                 writes_C = any(case.output.illuminance == "all" for case in cases)
                 light = daylight_and_year(first) if writes_C else daylight(first)
             remarks, planned = [], []
-            for case in cases if judged is None else judged:  # models of a study are read anew
-                remarks.append(notes(case))  # reads the films' files, which may be unfit
+            for case in judged:  # models of a study are read anew
+                # Notes read the films' files, which may be unfit.
+                remarks.append([*notes(case), *without_rounds(case)])
                 planned.append(plan(case, light))
             scope = joined_effects([each.scope for each in planned])
         with run.timed("elements") as done:

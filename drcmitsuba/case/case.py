@@ -40,7 +40,7 @@ from drcmitsuba.case.sensors import (
 from drcmitsuba.case.shading import AREA, THRESHOLD, Shading
 from drcmitsuba.case.sky import Outside, PerezSky, Sky
 from drcmitsuba.case.spaces import SpaceTable, check_box, check_spaces
-from drcmitsuba.case.sun import Sun, TrueSun, check_sun
+from drcmitsuba.case.sun import Adaptive, Sun, TrueSun, check_sun
 from drcmitsuba.case.unit_check import ask_about_furniture, ask_about_room, ask_about_spacing
 from drcmitsuba.case.uses import UseTable
 from drcmitsuba.case.views import ViewTable
@@ -281,6 +281,10 @@ class Case(Table):
         changed._source, changed._folder = self._source, self._folder
         changed._building = self._building
         return changed
+
+    def with_true_suns(self) -> Case:
+        """Have true suns in place of an adaptive sun, whose mesh follows one façade."""
+        return self.with_tables(sun=TrueSun()) if isinstance(self.sun, Adaptive) else self
 
     def without_polish(self) -> Case:
         """Have faintly mirroring surfaces of the model diffuse, for tasks that count no mirrors."""

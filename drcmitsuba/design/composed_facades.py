@@ -16,7 +16,6 @@ from drcmitsuba.annual.simulated_year import SimulatedYear, simulated_year
 from drcmitsuba.annual.summed_year import luminances_of, replicates_of
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, State
-from drcmitsuba.case.sun import Adaptive, TrueSun
 from drcmitsuba.design.any_layout import AnyLayout, layout_of
 from drcmitsuba.design.facade_tiles import FacadeParts, TiledLight
 from drcmitsuba.design.facade_year import FacadeYear
@@ -65,10 +64,8 @@ class Facades:
         if case.design is not None and case.design.component is not None:
             got = "the tilt of lamellae is searched, not a façade"
             raise InputError(case.source, "design.component", got, "name a film in its place")
-        if isinstance(case.sun, Adaptive):  # its mesh would follow one composition
-            case = case.with_tables(sun=TrueSun())
         backend.select()
-        layout = layout_of(_without_goal(case))
+        layout = layout_of(_without_goal(case.with_true_suns()))
         return cls(layout, *layout.light_as_drawn(stage))
 
     @cached_property

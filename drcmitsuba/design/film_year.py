@@ -26,7 +26,6 @@ from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import State
-from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.design.film import Film
 from drcmitsuba.design.film_bins import FilmBins
 from drcmitsuba.metrics import accumulate
@@ -189,13 +188,12 @@ class FilmYear:
         Raises
         ------
         InputError
-            The case has no film or several, a film whose parts have different surroundings, colours
-            or the adaptive sun model.
+            The case has no film or several, a film whose parts have different surroundings, or
+            colours.
         """
         case.refuse_overruled("the year of a film")
+        case = case.with_true_suns()
         _refuse_components(case)
-        if isinstance(case.sun, Adaptive):
-            raise InputError(case.source, "sun.model", "adaptive", 'take "true_sun"')
         if scene.is_coloured(case):
             raise InputError(case.source, "materials", "colours", "take grey materials")
         daylight = daylight_of(case) if daylight is None else daylight

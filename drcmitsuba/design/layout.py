@@ -15,7 +15,6 @@ from drcmitsuba.annual.result import Result, evaluate
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.design import Design
 from drcmitsuba.case.facade import Facade
-from drcmitsuba.case.sun import Adaptive, TrueSun
 from drcmitsuba.design import pictures, present_facade
 from drcmitsuba.design.facade_glare import EyesOfCase, LitOpenings, TraceEyes, eyes_of
 from drcmitsuba.design.facade_maps import Panes, Strips, Window
@@ -153,9 +152,7 @@ class Layout:
         True suns replace an adaptive sun model, whose mesh would follow one composition. `kept` and
         errors are those of `transport.elements.compute`.
         """
-        case = self.case
-        if isinstance(case.sun, Adaptive):
-            case = case.with_tables(sun=TrueSun())
+        case = self.case.with_true_suns()
         with stage("sky"):
             daylight = daylight_of(case)
             asked_of(case, daylight)  # refused before any light is traced

@@ -22,7 +22,6 @@ from matplotlib.figure import Figure
 from drcmitsuba.annual.result import Result, evaluate
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.design import Design
-from drcmitsuba.case.sun import Adaptive, TrueSun
 from drcmitsuba.design import pictures
 from drcmitsuba.design.facade_glare import EyesOfCase, LitOpenings, TraceEyes, eyes_of
 from drcmitsuba.design.facade_maps import Panes, Strips
@@ -78,8 +77,7 @@ class ModelLayout:
         if design.film not in films:
             got = f"{shortened(design.film)} is no such material in [materials]"
             raise InputError(case.source, "design.film", got, choose(design.film, films))
-        if isinstance(case.sun, Adaptive):  # its mesh would follow one composition
-            case = case.with_tables(sun=TrueSun())
+        case = case.with_true_suns()
         if design.cuts_walls:
             openings = SearchedOpenings.of_walls(case, design, design.film)
         else:

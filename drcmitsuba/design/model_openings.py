@@ -16,7 +16,6 @@ import xarray as xr
 
 from drcmitsuba.annual.chosen_facade import light_of_channels
 from drcmitsuba.annual.run import Run
-from drcmitsuba.annual.summed_year import accuracy_of
 from drcmitsuba.annual.variants import SharedElements, joined_effects
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.design import Design
@@ -112,7 +111,7 @@ class SearchedOpenings:
     def simulated(self, case: Case, light: Daylight, stage: Stage) -> SharedElements:
         """Light of all openings with all of their fills, by the samples of a case."""
         run = replace(Run.of(case), stage=stage)
-        accuracy = accuracy_of(case, run)
+        accuracy = run.accuracy(case, len(prepared(case).receivers))
         filled = [each.with_tables(accuracy=case.accuracy) for each in self.variants[1:]]
         scope = joined_effects([plan(each, light).scope for each in filled])
         facades = self.facades

@@ -123,7 +123,7 @@ def glare_elements(
     Parameters
     ----------
     case, points, rule, stage
-        As for `drcmitsuba.glare`.
+        As for `drcmitsuba.glare`; true suns take the place of an adaptive one.
     fills : sequence of str, or mapping of str to sequence of str, optional
         Further fills of all openings, or of some by their names, as for `drcmitsuba.elements`. By
         default what the case itself may put there.
@@ -135,8 +135,8 @@ def glare_elements(
     Raises
     ------
     InputError
-        As for `drcmitsuba.glare`; an opening or a fill is unknown, the sun is adaptive, a group has
-        states with surfaces of their own, or memory does not hold so many elements.
+        As for `drcmitsuba.glare`; an opening or a fill is unknown, a group has states with surfaces
+        of their own, or memory does not hold so many elements.
 
     Examples
     --------
@@ -144,7 +144,7 @@ def glare_elements(
     >>> drcmitsuba.glare_elements("desk.toml", fills=["hole"]).fills
     {'south': ('glass', 'shade', 'hole')}
     """
-    case = case if isinstance(case, Case) else load_case(case)
+    case = (case if isinstance(case, Case) else load_case(case)).with_true_suns()
     backend.select()
     run, rule = replace(Run.of(case), stage=stage), Rule() if rule is None else rule
     looking = eyes(case, points)

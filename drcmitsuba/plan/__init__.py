@@ -18,7 +18,7 @@ forecast
 
 from drcmitsuba.plan.effect import Effect
 from drcmitsuba.plan.facts import Facts
-from drcmitsuba.plan.notes import notes, photon_notes
+from drcmitsuba.plan.notes import notes, photon_notes, without_rounds
 from drcmitsuba.plan.planning import Plan, plan
 
-__all__ = ["Effect", "Facts", "Plan", "notes", "photon_notes", "plan"]
+__all__ = ["Effect", "Facts", "Plan", "notes", "photon_notes", "plan", "without_rounds"]

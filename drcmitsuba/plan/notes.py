@@ -79,6 +79,14 @@ def _target_notes(case: Case) -> list[str]:
     return [f'accuracy.target: "{goal}" is one of `glare`; an evaluation adds no rounds toward it']
 
 
+def without_rounds(case: Case) -> list[str]:
+    """Note a target toward which façades of known light add no rounds; none without one."""
+    goal = case.accuracy.sensor_goal
+    if goal is None:
+        return []
+    return [f'accuracy.target: "{goal}": light that façades share has no rounds toward it']
+
+
 def colour_notes(case: Case) -> list[str]:
     """Notes on spectra, which are read and checked; none without bands."""
     if not case.colour.wavelengths:

@@ -188,17 +188,32 @@ def test_bad_choices_are_refused(light, choice, message):
 
 
 @pytest.mark.parametrize(
-    ("fills", "more", "message"),
+    ("fills", "message"),
     [
-        ({"west": ["glass"]}, "", 'fills: no opening "west"; choose from: "south"'),
-        (["gass"], "", 'fills: no fill "gass"; did you mean "glass"?'),
-        ([], '[sun]\nmodel = "adaptive"\n', "sun.model: adaptive, where light is summed"),
+        ({"west": ["glass"]}, 'fills: no opening "west"; choose from: "south"'),
+        (["gass"], 'fills: no fill "gass"; did you mean "glass"?'),
     ],
 )
-def test_bad_fills_are_refused(tmp_path, fills, more, message):
+def test_bad_fills_are_refused(tmp_path, fills, message):
     with pytest.raises(InputError) as error:
-        drcmitsuba.elements(case_of(tmp_path, more=more), fills)
+        drcmitsuba.elements(case_of(tmp_path), fills)
     assert message in str(error.value)
+
+
+def test_true_suns_take_the_place_of_an_adaptive_one_and_targets_add_no_rounds(tmp_path):
+    plain = drcmitsuba.elements(case_of(tmp_path)).evaluate({})
+    adaptive = drcmitsuba.elements(case_of(tmp_path, more='[sun]\nmodel = "adaptive"\n'))
+    np.testing.assert_array_equal(
+        adaptive.evaluate({}).illuminance["total"], plain.illuminance["total"]
+    )
+    aimed = drcmitsuba.elements(
+        case_of(tmp_path, ("[accuracy]\n", '[accuracy]\ntarget = "1 point"\n'))
+    )
+    result = aimed.evaluate({})
+    np.testing.assert_array_equal(result.illuminance["total"], plain.illuminance["total"])
+    note = 'accuracy.target: "1 point": light that façades share has no rounds toward it'
+    assert note in result.metrics["settings"]["notes"]
+    assert note not in plain.metrics["settings"]["notes"]
 
 
 def test_two_groups_of_one_pane_are_refused(tmp_path):

@@ -166,8 +166,6 @@ def test_variants_are_what_each_is_alone(run, tmp_path, same, more):
         ("fabric,fabric", "", "once"),
         ("../fabric", "", "beside the case"),
         ("", "", "beside the case"),
-        ("fabric", '[accuracy]\ntarget = "1 point"', "accuracy.target"),
-        ("fabric", "[sun]\nmodel = 'adaptive'", "sun.model"),
         ("fabric", "[outside]\nground_reflectance = 0.3", "outside"),
     ],
 )

@@ -418,7 +418,6 @@ def test_leaves_and_mixes_at_their_ends(bins):
             "other things shade or light from the room",
         ),
         ((("corner = [1.0, 1.5, 0.7]", "corner = [1.0, -1.5, 0.7]"),), "other things shade"),
-        ((("[period]", '[sun]\nmodel = "adaptive"\n[period]'),), "true_sun"),
         ((('"off"', '"on"'),), 'straight_through = "off"'),
         ((("rotation = 0.0", "rotation = 0.0\nfloor = [0.1, 0.2, 0.3]"),), "grey"),
     ],

@@ -200,11 +200,9 @@ def test_bad_choices_are_refused(light, choice, message):
     assert message in str(error.value)
 
 
-def test_unknown_fills_and_adaptive_suns_are_refused(office):
+def test_unknown_fills_are_refused(office):
     with pytest.raises(InputError, match='fills: no fill "clot"; did you mean "cloth"'):
         drcmitsuba.glare_elements(office, fills=["clot"])
-    with pytest.raises(InputError, match="adaptive, where light is summed over openings"):
-        drcmitsuba.glare_elements(office.with_tables(sun=Adaptive(model="adaptive")))
 
 
 @pytest.mark.slow
