@@ -118,11 +118,12 @@ class OpeningMarks:
         once_more = mark < (1 << BITS * (MEETINGS - 1))
         factor = dr.select(mine, dr.select(once_more, mi.Float(count), 0), 1)
         scatters = mine & dr.gather(mi.Bool, self._scatters, kind, mine)
+        has_ended = mark >= DEPOSITED  # but for a film that let it through
         mark = dr.select(mine, (mark << BITS) | element, mark)
-        if dr.hint(self._may_split, mode="scalar"):
+        if self._may_split:
             splits = mine & dr.gather(mi.Bool, self._has_lobes, kind, mine)
             ends = number - fill < 0.5
-            factor = dr.select(splits, 2 * factor, factor)
+            factor = dr.select(has_ended, 0, dr.select(splits, 2 * factor, factor))
             scatters &= ~splits | ends
             mark = dr.select(splits & ends, mark | DEPOSITED, mark)
         return chosen, mark, factor, mi.Bool(True), scatters

@@ -9,7 +9,7 @@ from drcmitsuba.transport import elements
 from drcmitsuba.transport.elements.marked_light import MarkedLight
 from drcmitsuba.transport.elements.solved_paths import SolvedReturn
 from tests import ROOT
-from tests.unit.transport.exact_scenes import CLOTH, GLASS, SUNS
+from tests.unit.transport.exact_scenes import CLOTH, GLASS, OPPOSITE, SUNS
 from tests.unit.transport.test_light_by_element import case
 
 FILM = {"type": "bsdf", "file": str(ROOT / "scenes" / "films" / "prism.xml")}
@@ -22,11 +22,12 @@ def strip(material):
 
 
 def two_sides():
-    """A film to the south, behind which a cloth may close, and glass to the west."""
+    """A film to the south, behind which a cloth may close, with a house opposite; glass to the west."""
     return case(
         facade={"south": strip("film"), "west": strip("glass")},
         materials={"film": FILM, "glass": GLASS, "cloth": CLOTH},
         groups={"south": {"panes": ["film"], "states": ["cloth"]}},
+        furniture=[OPPOSITE],
     )
 
 
