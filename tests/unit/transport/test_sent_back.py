@@ -22,7 +22,7 @@ def strip(material):
 
 
 def two_sides():
-    """A film to the south, behind which a cloth may close, with a house opposite; glass to the west."""
+    """A film to the south, behind which a cloth may close, a house opposite, glass to the west."""
     return case(
         facade={"south": strip("film"), "west": strip("glass")},
         materials={"film": FILM, "glass": GLASS, "cloth": CLOTH},
