@@ -205,7 +205,7 @@ class Elements:
     @cached_property
     def _notes(self) -> list[str]:
         """Notes on the films and the shade, and on a target."""
-        return [*notes(self.case), *without_rounds(self.case)]
+        return [*notes(self.case), *without_rounds(self.case.accuracy.sensor_goal)]
 
     def __repr__(self) -> str:
         some = ", ".join(f"{name}: {' | '.join(fills)}" for name, fills in self.fills.items())

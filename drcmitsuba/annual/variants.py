@@ -107,7 +107,7 @@ class SharedElements:
             remarks, planned = [], []
             for case in judged:  # models of a study are read anew
                 # Notes read the films' files, which may be unfit.
-                remarks.append([*notes(case), *without_rounds(case)])
+                remarks.append([*notes(case), *without_rounds(case.accuracy.sensor_goal)])
                 planned.append(plan(case, light))
             scope = joined_effects([each.scope for each in planned])
         with run.timed("elements") as done:

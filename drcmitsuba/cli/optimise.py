@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from drcmitsuba.cli.options import Output, Weather, argument, load
-from drcmitsuba.cli.terminal import percent, show, stages
+from drcmitsuba.cli.terminal import percent, show, show_notes, stages
 from drcmitsuba.runtime.errors import on_a_line
 
 if TYPE_CHECKING:
@@ -42,6 +42,9 @@ def optimise(
     is_tilt = loaded.design is not None and loaded.design.component is not None
     with stages() as stage:
         (_tilt if is_tilt else _facade)(loaded, output, stage)
+    from drcmitsuba.plan import without_rounds
+
+    show_notes(without_rounds(loaded.accuracy.goal))
     print(f"results are in {output}")
 
 

@@ -149,7 +149,8 @@ class FilmYear:
     Every film reflects light into the room as the case's film does. Other panes, the frame and all
     reflectances are fixed. The shade does not cover films; `state="shaded"` gives the year with the
     shade closed, or all groups of panes in their last state. Limits: one film in one orientation
-    that nothing shades; grey rooms; no components; no adaptive sun model.
+    that nothing shades; grey rooms; no components. True suns take the
+    place of an adaptive one.
     """
 
     bins: FilmBins
@@ -197,6 +198,8 @@ class FilmYear:
         if scene.is_coloured(case):
             raise InputError(case.source, "materials", "colours", "take grey materials")
         daylight = daylight_of(case) if daylight is None else daylight
+        if daylight.sky.attrs["sun_model"] == "adaptive":
+            raise InputError("film year", "daylight", "that of an adaptive sun", "leave it out")
         effects, suns = plan(case, daylight).of_any_facade, daylight.suns
         world, subdivision = scene.load(case, state, effects=effects), case.sky.subdivision
         size = 2 * case.accuracy.cell_size

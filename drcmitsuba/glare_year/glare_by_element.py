@@ -27,6 +27,7 @@ from drcmitsuba.glare_year.place import SeenPlace
 from drcmitsuba.glare_year.result import GlareYear
 from drcmitsuba.glare_year.rule import Rule
 from drcmitsuba.glare_year.year import rated
+from drcmitsuba.plan import without_rounds
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.runtime.threads import one_blas_thread
@@ -160,6 +161,7 @@ def glare_elements(
                 places.append(place)
                 done(sum(len(each.views) for each in places) / len(looking))
         again = note_of(max(place.seen.again for place in places))
-    notes = (*light.notes, *planned.summed(always=True).notes(), *again)
+    aimed = without_rounds(case.accuracy.goal)
+    notes = (*light.notes, *planned.summed(always=True).notes(), *again, *aimed)
     facades = FacadesOfCase(case, panes, light, run)
     return GlareElements(facades, looking, rule, illuminance, tuple(places), notes)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from drcmitsuba.bsdf import advice
+from drcmitsuba.case.accuracy import Target
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.model_case import notes_on_groups
 from drcmitsuba.colour.bands import Bands
@@ -79,9 +80,8 @@ def _target_notes(case: Case) -> list[str]:
     return [f'accuracy.target: "{goal}" is one of `glare`; an evaluation adds no rounds toward it']
 
 
-def without_rounds(case: Case) -> list[str]:
-    """Note a target toward which façades of known light add no rounds; none without one."""
-    goal = case.accuracy.sensor_goal
+def without_rounds(goal: Target | None) -> list[str]:
+    """Note a target toward which light that façades share has no rounds; none without one."""
     if goal is None:
         return []
     return [f'accuracy.target: "{goal}": light that façades share has no rounds toward it']

@@ -80,7 +80,7 @@ class FacadeScenes:
         several = [len(fills) > 1 for fills in states.states]
         every = grouped_panes(case, effects, panes)
         mine = [_tinted(each, tint) for each in every if several[each.group]]
-        marks = OpeningMarks(mine, np.array(states.starts), channel, effects.beyond, deposits=False)
+        marks = OpeningMarks(mine, np.array(states.starts), channel, deposits=False)
         empty = load(tuple(HIDDEN if many else 0 for many in several))
         return cls(
             tuple(map(load, states.in_step)), marks.placed_in(empty), load,

@@ -76,22 +76,27 @@ class DrawnParts:
             figure.draw(renderer)
             return
         layers = figure.standing.layers
-        for layer in layers:
+        known = [k for k, layer in enumerate(layers) if self._key(figure, layer) in self._known]
+        for layer in layers[known[-1] if known else 0 :]:
             self._begin(figure, layer, renderer)
         with _hidden([artist for layer in layers for artist in layer.artists]):
             figure.draw(renderer)
 
     def _begin(self, figure: SheetFigure, layer: Standing, renderer: Any) -> None:
         """Draw a layer of standing parts upon those below it, or put the pixels of all in place."""
-        source = type(layer.source), layer.source, figure.dpi
-        if source in self._known:
-            renderer.restore_region(self._known[source])
+        key = self._key(figure, layer)
+        if key in self._known:
+            renderer.restore_region(self._known[key])
             return
         for ax in figure.axes:
             ax.apply_aspect()
         for artist in layer.artists:
             artist.draw(renderer)
-        self._known[source] = renderer.copy_from_bbox(figure.bbox)
+        self._known[key] = renderer.copy_from_bbox(figure.bbox)
+
+    def _key(self, figure: Figure, layer: Standing) -> Hashable:
+        """All that decides the pixels of a layer and those below it."""
+        return layer.source, figure.dpi
 
 
 @contextmanager

@@ -54,7 +54,8 @@ class ElementLight:
     total: np.ndarray
     """C without light that met openings from inside [sr], likewise."""
     blocks: np.ndarray
-    """Light on blocks of cells by paths that met no opening [sr], (replicate, own bin, block)."""
+    """Light on blocks of cells, or targets of `solved_paths`, by paths that met no opening [sr],
+    shape (replicate, own bin, block)."""
     first: int = 0
     """Row of the first bin in the arrays that all elements share; see `LightByElement.rows`."""
 
@@ -128,7 +129,7 @@ class ElementRows(NamedTuple):
     total: np.ndarray
     """C without light that met openings from inside [sr], shape (replicate, row, sensor)."""
     blocks: np.ndarray
-    """Light on blocks of cells by paths that met no opening [sr], (replicate, row, block)."""
+    """That on blocks of cells, or targets, likewise [sr], shape (replicate, row, block)."""
 
 
 @dataclass(frozen=True, eq=False)

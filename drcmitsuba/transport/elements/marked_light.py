@@ -20,15 +20,16 @@ class MarkedLight:
     """Marked vertices of one result, the mean over one or several replicates."""
 
     sensor: np.ndarray
-    """Sensor whose path met each vertex, int, shape (vertex,)."""
+    """Sensor whose path met each vertex, or block of cells from which its ray came, int, (vertex,).
+    """
     block: np.ndarray
-    """Block of cells that it lies in, int."""
+    """Block of cells that it lies in, or target of its ray, see `solved_paths`, int."""
     weight: np.ndarray
     """Throughput."""
     met: np.ndarray
     """Elements that its path met, the last one first, −1 for none, int, shape (vertex, meeting)."""
     shape: tuple[int, int]
-    """Number of sensors and of blocks."""
+    """Number of sensors, or blocks that rays come from, and of blocks, or targets."""
 
     @classmethod
     def by_result(

@@ -43,15 +43,13 @@ class OpeningMarks:
         First element of every opening, counted from 0, and their number.
     channel : int
         Colour channel, −1 for luminance.
-    beyond : bool
-        Whether light may leave by a pane and come back.
     deposits : bool
         Whether light is deposited on panes that scatter, as if they sent it on evenly; else their
         light is part of the deposit on all that they light.
     """
 
     def __init__(
-        self, panes: Sequence[GroupedPanes], first: np.ndarray, channel: int, beyond: bool, *,
+        self, panes: Sequence[GroupedPanes], first: np.ndarray, channel: int, *,
         deposits: bool = True,
     ) -> None:  # fmt: skip
         self.quads = np.concatenate([each.quads for each in panes])
@@ -77,7 +75,6 @@ class OpeningMarks:
         self._scatters = mi.Bool(scatters)
         self._has_lobes = mi.Bool([deposits and isinstance(m, BsdfMaterial) for m in kinds])
         self._may_split = False
-        self._beyond = beyond
 
     def ending(self) -> OpeningMarks:
         """Marks of paths that end where light is deposited: at a film half of them do, `DEPOSITED`.

@@ -65,11 +65,11 @@ class _Cells(NamedTuple):
     """Light between blocks of cells."""
 
     rays: _WeighedRays
-    """t, shape (reached block, block)."""
+    """t, shape (target, block)."""
     onto: mi.TensorXf
     """A, shape (block, sensor)."""
     back: mi.TensorXf
-    """B, shape (block, reached block)."""
+    """B, shape (block, target)."""
 
 
 @dataclass(frozen=True)
@@ -115,8 +115,8 @@ class SmoothReturn:
         if self.cells is None:
             return G
         t = self.cells.rays.weighed(shares)
-        first = G + t @ self.cells.onto
-        once = again = t @ self.cells.back
-        for _ in range(POWERS - 1):
-            again = once + once @ again
-        return first + again @ first
+        first = G = G + t @ self.cells.onto
+        once = t @ self.cells.back
+        for _ in range(POWERS):
+            G = first + once @ G
+        return G

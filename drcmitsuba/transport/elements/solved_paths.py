@@ -1,29 +1,28 @@
 r"""Paths of elements where light between surfaces is solved on cells.
 
 The paths of sensors end at their first surface, and rays between cells take over: with T₀ and G₁
-those that met no opening, t_e and g_e those that met the element e, and X the light on blocks of
-cells after all reflections,
+those that met no opening, t_e and g_e those that met the element e, X the light on the targets of
+rays by way of openings, and s what these send to blocks of cells,
 
-.. math:: X = X_0 + M \sum_e w_e t_e X, \qquad
-          E = S + G_0 D + G_1 P \, (X - X_0) + \sum_e w_e g_e X
+.. math:: s = \sum_e w_e t_e X, \qquad E = S + G_0 D + G_1 P M s + \sum_e w_e g_e X,
 
-where M sums all bounces between blocks that meet no opening, X₀ is what they give, and P gives
-every cell the value of its block. Rays by way of openings end at cells whose light differs from
-that of their block, as below a sill: they meet means V over its cells that count by these rays,
-after a last bounce that is followed cell by cell,
+where M sums all bounces between blocks that meet no opening, and P gives every cell the value of
+its block. A target is a block of cells whose light counts by the rays that end there, since below
+a sill it differs from cell to cell: V are its means, after a last bounce cell by cell,
 
-.. math:: V \big( D + T_0 \, (D + P X_0) \big) .
+.. math:: X = V \big( D + T_0 \, (D + P M W T_0 D) \big) + (V P + V T_0 P M) \, s,
 
-Half of the rays that meet a film go on by its lobes. The others end there, with the light D that
-reaches the film straight, and V D alone: it counts as if the film sent it on evenly.
+with W the means over blocks. Half of the rays that meet a film go on by its lobes. The others are
+deposited: they end there, at targets X = V D, with the light that reaches the film straight, which
+counts as if the film sent it on evenly.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -79,6 +78,8 @@ class SolvedPaths:
     """Number of paths of a sensor in a replicate."""
     draws: int = 1
     """Number of replicates that are averaged into one result."""
+    _latest: dict[int, Any] = field(default_factory=dict, init=False, repr=False)
+    """`_bounces` of the latest result."""
 
     @property
     def cells(self) -> Cells:
@@ -111,26 +112,31 @@ class SolvedPaths:
             met, count = self.gathered.met(some), some.stop - some.start
             assert met.mark is not None
             weight = dr.select(met.mark == 0, met.weight, 0)
-            first = PathMatrix(met.cell, weight, self.paths, count, self.draws, here.start)
-            to_cells, onward = self._shut.followed(here, first, some)
-            G = (to_cells.columns(every) + onward(every)).numpy()
-            rows.append(G.reshape(self.draws, count, cells).mean(axis=0))
+            G = np.zeros((count, cells), np.float32)
+            for r in here:
+                first = PathMatrix(met.cell, weight, self.paths, count, 1, r)
+                to_cells, onward = self._shut.followed(range(r, r + 1), first, some)
+                G += (to_cells.columns(every) + onward(every)).numpy() / np.float32(self.draws)
+            rows.append(G)
         return np.concatenate(rows)
 
     def onto_blocks(self, result: int) -> np.ndarray:
         """V·(1 + T₀·(1 + P·M·W·T₀)), see `ElementPaths`."""
-        M, (once, last) = self._all_bounces(result), self._last_bounces(result)
-        return np.asarray(self._visits + last + (last @ self._cells_of.T) @ M @ once)
+        once, last, between = self._bounces(result)
+        return np.asarray(self._visits + last + between @ once)
 
     def returned(self, result: int) -> SolvedReturn:
         """Rays with marks, from sensors and from cells."""
         between = MarkedLight.mean([self._between(r) for r in self._replicates(result)])
-        M, (_, last) = self._all_bounces(result), self._last_bounces(result)
-        back, count = (last @ self._cells_of.T) @ M, self.transfer.blocks.count
-        rows = np.flatnonzero(self._reached < count)
+        back, blocks = self._bounces(result)[-1].copy(), self.transfer.blocks
+        rows = np.flatnonzero(self._reached < blocks.count)
         back[rows, self._reached[rows]] += 1
-        rays = self._of_sensors(result).among(lambda mark: mark > 0)
-        return SolvedReturn(self._onto(result) @ M, back, between, self._marked(rays, self.sensors))
+        rays = self._of_sensors(result)
+        inside, marked = rays.among(lambda mark: mark == 0), rays.among(lambda mark: mark > 0)
+        place = inside.row, blocks.of.numpy()[inside.cell]
+        G_1 = sparse.csr_matrix((inside.weight, place), (self.sensors, blocks.count))
+        onto = np.asarray(G_1 @ self._all_bounces(result))
+        return SolvedReturn(onto, back, between, self._marked(marked, self.sensors))
 
     @cached_property
     def _cells_of(self) -> csr_matrix:
@@ -185,16 +191,26 @@ class SolvedPaths:
         place = np.searchsorted(self._reached, target), cell
         return sparse.csr_matrix((share, place), (len(self._reached), len(of)))
 
-    def _last_bounces(self, result: int) -> tuple[csr_matrix, csr_matrix]:
-        """W·T₀ and V·T₀ of a result; cells that send no rays count with the mean of their block."""
+    def _bounces(self, result: int) -> tuple[csr_matrix, csr_matrix, np.ndarray]:
+        """W·T₀, V·T₀ and V·T₀·P·M of a result, which is asked for twice.
+
+        Cells that send no rays count with the mean of their block.
+        """
+        if result not in self._latest:
+            self._latest.clear()
+            self._latest[result] = self._computed(result)
+        return self._latest[result]
+
+    def _computed(self, result: int) -> tuple[csr_matrix, csr_matrix, np.ndarray]:
         numbers, sending = self._replicates(result), self.transfer.sending
         T = sum(self._shut.matrix(r) for r in numbers) / np.float32(self.draws)
         once, P = self._means @ T, self._cells_of.T.tocsr()
         is_block = (self._reached < self.transfer.blocks.count).astype(np.float32)
         V = sparse.diags(is_block) @ self._visits
-        if sending is None:
-            return once, V @ T
-        return once, V[:, :sending] @ T[:sending] + (V[:, sending:] @ P[sending:]) @ once
+        last = V @ T  # cells that send no rays have none in T
+        if sending is not None:
+            last = last + (V[:, sending:] @ P[sending:]) @ once
+        return once, last, np.asarray((last @ P) @ self._all_bounces(result))
 
     def _replicates(self, result: int) -> range:
         """Replicates of a result."""
@@ -204,12 +220,6 @@ class SolvedPaths:
         """M, shape (block, block)."""
         every, blocks = self._shut.all_bounces(self._replicates(result)).numpy(), self._shut.blocks
         return np.asarray(every.reshape(-1, blocks.count, blocks.count).mean(axis=0))
-
-    def _onto(self, result: int) -> csr_matrix:
-        """G₁·P, shape (sensor, block)."""
-        rays, blocks = self._of_sensors(result).among(lambda mark: mark == 0), self.transfer.blocks
-        place = rays.row, blocks.of.numpy()[rays.cell]
-        return sparse.csr_matrix((rays.weight, place), (self.sensors, blocks.count))
 
     def _of_sensors(self, result: int) -> _EndedRays:
         """Rays from the sensors in a result."""

@@ -164,7 +164,7 @@ class ElementTrace:
         points, normals = prepared(case).receivers.at() if receivers is None else receivers
         label = groups.label([HIDDEN] * len(groups))
         hidden = scene.load(case, label, channel, effects, openings)
-        marks = OpeningMarks(panes, np.array(groups.starts), channel, effects.beyond)
+        marks = OpeningMarks(panes, np.array(groups.starts), channel)
         world = marks.placed_in(hidden.searched())
         paths = _paths_of(
             world, points, normals, accuracy, marks, draws, on_cells=effects.solved_cells

@@ -427,6 +427,14 @@ def test_cases_that_do_not_fit_are_refused(tmp_path, changes, message):
         FilmYear.of(case_of(tmp_path, *changes))
 
 
+def test_true_suns_take_the_place_of_an_adaptive_one(tmp_path):
+    adaptive = case_of(tmp_path, ("[period]", '[sun]\nmodel = "adaptive"\n[period]'))
+    with pytest.raises(InputError, match="that of an adaptive sun; leave it out"):
+        FilmYear.of(adaptive, daylight(adaptive), depth=2)
+    years = [FilmYear.of(one, depth=2) for one in (adaptive, case_of(tmp_path))]
+    np.testing.assert_array_equal(*(year.rest.numpy() for year in years))
+
+
 @pytest.mark.parametrize(
     "film",
     [

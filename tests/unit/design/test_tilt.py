@@ -100,6 +100,13 @@ def test_slopes_add_up_to_a_wide_difference_with_other_seeds(tmp_path):
     assert abs(np.mean(narrow) - expected) < max(0.02 * abs(expected), 3 * error)
 
 
+def test_a_shade_may_have_no_clear_pane_to_cover(tmp_path):
+    """The plan leaves it out; the search knows its state all the same."""
+    problem = TiltProblem.of(case(tmp_path, shading={"material": "shade"}))
+    E = problem.simulate(23.0).E
+    np.testing.assert_array_equal(E.shaded.numpy(), E.open.numpy())
+
+
 def test_numbers_are_those_of_an_evaluation_with_the_same_seed(tmp_path):
     """Also with a shade, whose twin needs more of the shaded state than an evaluation does."""
     shade = {"material": "shade", "threshold": 500.0}
