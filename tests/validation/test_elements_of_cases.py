@@ -89,9 +89,11 @@ def same_sums(same, ours, theirs, within, sun_within):
          [{}, {"glass (south)": "cloth"}], {}),
         ({"south": strips("glass")}, ["cloth"], [{}, {"glass (south)": "cloth"}],
          {"furniture": [HOUSE]}),
+        ({"south": strips("glass")}, ["film"], [{"glass (south)": "film"}], {"furniture": [HOUSE]}),
         ({"south": strips("glass")}, ["cloth"], [{"glass (south)": "cloth"}], {"room": COLOURED}),
     ],
-    ids=["box", "film", "film beside glass", "two sides", "house opposite", "coloured"],
+    ids=["box", "film", "film beside glass", "two sides", "house opposite", "film and house",
+         "coloured"],
 )  # fmt: skip
 def test_choices_are_simulations(same, facade, fills, choices, tables):
     one = case(facade, **tables)
