@@ -60,8 +60,10 @@ FILES = {
 
 
 def test_a_search_leaves_its_files_and_prints_its_optimum(run, case, tmp_path):
+    case.write_text(CASE.replace("[accuracy]", '[accuracy]\ntarget = "90 points"'))
     code, out, _ = run("optimise", case, "-o", tmp_path / "d")
     assert code == 0
+    assert 'note: accuracy.target: "90 points": light that façades share has no rounds' in out
     assert {f.name for f in (tmp_path / "d").iterdir()} == FILES
     optimum = json.loads((tmp_path / "d" / "optimum.json").read_text())
     assert optimum["feasible"]
