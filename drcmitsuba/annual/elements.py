@@ -265,7 +265,7 @@ def elements(case: Case | str | Path, fills: Fills = (), stage: Stage = silent) 
         with run.timed("sky"):
             light = daylight_and_year(case)
             panes, planned, run = Opened.of(case, fills, light, run)
-            accuracy = run.accuracy(case, len(prepared(case).receivers))
+            accuracy = run.accuracy(case)
         with run.timed("elements") as done:
             channels = light_of_channels(case, panes, light.suns, accuracy, planned.scope, done)
     return Elements(case, light, planned, run, panes, channels)

@@ -15,6 +15,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import State
 from drcmitsuba.runtime.progress import Progress, Stage, silent, timed
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.shared_paths import SharedPaths
 
@@ -65,8 +66,9 @@ class Run:
         """Show a stage and record its seconds."""
         return timed(self.stage, name, self.seconds)
 
-    def accuracy(self, case: Case, points: int) -> Accuracy:
-        """Accuracy of a simulation of so many points, with the seed of the run."""
+    def accuracy(self, case: Case, points: int | None = None) -> Accuracy:
+        """Accuracy of so many points, or of all sensors of a case, with the seed of the run."""
+        points = len(prepared(case).receivers) if points is None else points
         return case.accuracy.of_points(points).model_copy(update={"seed": self.seed})
 
     def forget_paths(self) -> None:

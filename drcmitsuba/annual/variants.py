@@ -21,7 +21,6 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.scene.enabled_effects import EnabledEffects
-from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.shared_facades import SharedFacades
 from drcmitsuba.sky.daylight import Daylight, daylight, daylight_and_year
 from drcmitsuba.transport import elements as by_element
@@ -99,7 +98,7 @@ class SharedElements:
         first = cases[0]
         facades = shared_facades(cases)
         run = replace(Run.of(first), stage=stage)
-        accuracy = run.accuracy(first, len(prepared(first).receivers))
+        accuracy = run.accuracy(first)
         with run.timed("sky"):
             if light is None:  # hours beyond the period need C
                 writes_C = any(case.output.illuminance == "all" for case in cases)

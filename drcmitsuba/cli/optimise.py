@@ -40,10 +40,10 @@ def optimise(
     """
     loaded = load(case, weather)
     is_tilt = loaded.design is not None and loaded.design.component is not None
-    with stages() as stage:
-        (_tilt if is_tilt else _facade)(loaded, output, stage)
     from drcmitsuba.plan import without_rounds
 
+    with stages() as stage:
+        (_tilt if is_tilt else _facade)(loaded, output, stage)
     show_notes(without_rounds(loaded.accuracy.goal))
     print(f"results are in {output}")
 

@@ -111,7 +111,7 @@ class SearchedOpenings:
     def simulated(self, case: Case, light: Daylight, stage: Stage) -> SharedElements:
         """Light of all openings with all of their fills, by the samples of a case."""
         run = replace(Run.of(case), stage=stage)
-        accuracy = run.accuracy(case, len(prepared(case).receivers))
+        accuracy = run.accuracy(case)
         filled = [each.with_tables(accuracy=case.accuracy) for each in self.variants[1:]]
         scope = joined_effects([plan(each, light).scope for each in filled])
         facades = self.facades

@@ -104,7 +104,7 @@ class FacadesOfCase:
     def _sun(self) -> tuple[LightByElement, ...]:
         """Sun on the sensors by element, in which nothing else is simulated."""
         effects = self.run.enabled_effects.only_sun
-        accuracy = self.run.accuracy(self.case, len(prepared(self.case).receivers))
+        accuracy = self.run.accuracy(self.case)
         kept = next(n for n in range(2, accuracy.replicates + 1) if accuracy.replicates % n == 0)
         with self.run.timed("sun on the sensors") as done:
             return light_of_channels(

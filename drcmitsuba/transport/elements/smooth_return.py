@@ -104,7 +104,7 @@ class SmoothReturn:
         `weights` are (element + 1,); gradients flow through all three.
         """
         blocks, _ = self.rays.shape
-        if not blocks:
+        if not blocks or (self.cells is None and not dr.width(self.rays.weight)):
             return C
         light = mi.TensorXf(D, (dr.width(D) // blocks, blocks))
         return C + (light @ self._weighed(mi.Float64(weights))).array

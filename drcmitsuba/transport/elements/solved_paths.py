@@ -22,7 +22,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -63,6 +63,19 @@ class _EndedRays(NamedTuple):
         return _EndedRays(*(each[here] for each in self))
 
 
+class _Bounces(NamedTuple):
+    """Bounces of a result that meet no opening."""
+
+    once: csr_matrix
+    """W·T₀, shape (block, cell)."""
+    last: csr_matrix
+    """V·T₀, shape (target, cell)."""
+    between: np.ndarray
+    """V·T₀·P·M, shape (target, block)."""
+    all: np.ndarray
+    """M, shape (block, block)."""
+
+
 @dataclass(frozen=True)
 class SolvedPaths:
     """Paths that end at their first surface, and rays between cells.
@@ -78,7 +91,7 @@ class SolvedPaths:
     """Number of paths of a sensor in a replicate."""
     draws: int = 1
     """Number of replicates that are averaged into one result."""
-    _latest: dict[int, Any] = field(default_factory=dict, init=False, repr=False)
+    _latest: dict[int, _Bounces] = field(default_factory=dict, init=False, repr=False)
     """`_bounces` of the latest result."""
 
     @property
@@ -122,29 +135,22 @@ class SolvedPaths:
 
     def onto_blocks(self, result: int) -> np.ndarray:
         """V·(1 + T₀·(1 + P·M·W·T₀)), see `ElementPaths`."""
-        once, last, between = self._bounces(result)
-        return np.asarray(self._visits + last + between @ once)
+        bounces = self._bounces(result)
+        return np.asarray(self._visits + bounces.last + bounces.between @ bounces.once)
 
     def returned(self, result: int) -> SolvedReturn:
         """Rays with marks, from sensors and from cells."""
         between = MarkedLight.mean([self._between(r) for r in self._replicates(result)])
-        back, blocks = self._bounces(result)[-1].copy(), self.transfer.blocks
+        bounces, blocks = self._bounces(result), self.transfer.blocks
+        back = bounces.between.copy()
         rows = np.flatnonzero(self._reached < blocks.count)
         back[rows, self._reached[rows]] += 1
         rays = self._of_sensors(result)
         inside, marked = rays.among(lambda mark: mark == 0), rays.among(lambda mark: mark > 0)
         place = inside.row, blocks.of.numpy()[inside.cell]
         G_1 = sparse.csr_matrix((inside.weight, place), (self.sensors, blocks.count))
-        onto = np.asarray(G_1 @ self._all_bounces(result))
+        onto = np.asarray(G_1 @ bounces.all)
         return SolvedReturn(onto, back, between, self._marked(marked, self.sensors))
-
-    @cached_property
-    def _cells_of(self) -> csr_matrix:
-        """Pᵀ, the cells of every block, shape (block, cell)."""
-        of = self.transfer.blocks.of.numpy()
-        place = of, np.arange(len(of))
-        shape = self.transfer.blocks.count, len(of)
-        return sparse.csr_matrix((np.ones(len(of), np.float32), place), shape)
 
     @cached_property
     def _visited(self) -> np.ndarray:
@@ -177,49 +183,53 @@ class SolvedPaths:
         They are blocks of cells, and beyond their number those of which rays are deposited on
         films.
         """
-        blocks = self.transfer.blocks
         deposited, cell = np.nonzero(self._visited > 0)
-        return np.unique(blocks.of.numpy()[cell] + blocks.count * deposited)
+        return np.unique(self._target(cell, deposited))
 
     @cached_property
     def _visits(self) -> csr_matrix:
         """V, shares of cells in what rays by way of openings meet, shape (target, cell)."""
-        of, count = self.transfer.blocks.of.numpy(), self.transfer.blocks.count
         deposited, cell = np.nonzero(self._visited > 0)
-        target, visits = of[cell] + count * deposited, self._visited[deposited, cell]
-        share = (visits / np.bincount(target, visits, 2 * count)[target]).astype(np.float32)
+        target, visits = self._target(cell, deposited), self._visited[deposited, cell]
+        share = (visits / np.bincount(target, visits)[target]).astype(np.float32)
         place = np.searchsorted(self._reached, target), cell
-        return sparse.csr_matrix((share, place), (len(self._reached), len(of)))
+        return sparse.csr_matrix((share, place), (len(self._reached), self.cells.count))
 
-    def _bounces(self, result: int) -> tuple[csr_matrix, csr_matrix, np.ndarray]:
-        """W·T₀, V·T₀ and V·T₀·P·M of a result, which is asked for twice.
+    def _target(self, cell: np.ndarray, deposited: np.ndarray) -> np.ndarray:
+        """Target of rays that end at cells, as `_reached` numbers them before it leaves some out.
 
-        Cells that send no rays count with the mean of their block.
+        `deposited` says, by 0 or 1, whether they are deposited on films.
         """
+        blocks = self.transfer.blocks
+        return np.asarray(blocks.of.numpy()[cell] + blocks.count * deposited)
+
+    def _bounces(self, result: int) -> _Bounces:
+        """Bounces of a result, which is asked for twice."""
         if result not in self._latest:
             self._latest.clear()
             self._latest[result] = self._computed(result)
         return self._latest[result]
 
-    def _computed(self, result: int) -> tuple[csr_matrix, csr_matrix, np.ndarray]:
-        numbers, sending = self._replicates(result), self.transfer.sending
+    def _computed(self, result: int) -> _Bounces:
+        """Bounces of a result; cells that send no rays count with the mean of their block."""
+        numbers, blocks = self._replicates(result), self.transfer.blocks
+        sending = self.transfer.sending
         T = sum(self._shut.matrix(r) for r in numbers) / np.float32(self.draws)
-        once, P = self._means @ T, self._cells_of.T.tocsr()
-        is_block = (self._reached < self.transfer.blocks.count).astype(np.float32)
+        of, cells = blocks.of.numpy(), np.arange(self.cells.count)
+        one = np.ones(len(cells), np.float32)
+        once, P = self._means @ T, sparse.csr_matrix((one, (cells, of)), (len(cells), blocks.count))
+        is_block = (self._reached < blocks.count).astype(np.float32)
         V = sparse.diags(is_block) @ self._visits
         last = V @ T  # cells that send no rays have none in T
         if sending is not None:
             last = last + (V[:, sending:] @ P[sending:]) @ once
-        return once, last, np.asarray((last @ P) @ self._all_bounces(result))
+        every = self._shut.all_bounces(numbers).numpy()
+        M = np.asarray(every.reshape(-1, blocks.count, blocks.count).mean(axis=0))
+        return _Bounces(once, last, np.asarray((last @ P) @ M), M)
 
     def _replicates(self, result: int) -> range:
         """Replicates of a result."""
         return range(result * self.draws, (result + 1) * self.draws)
-
-    def _all_bounces(self, result: int) -> np.ndarray:
-        """M, shape (block, block)."""
-        every, blocks = self._shut.all_bounces(self._replicates(result)).numpy(), self._shut.blocks
-        return np.asarray(every.reshape(-1, blocks.count, blocks.count).mean(axis=0))
 
     def _of_sensors(self, result: int) -> _EndedRays:
         """Rays from the sensors in a result."""
@@ -243,8 +253,7 @@ class SolvedPaths:
 
     def _marked(self, rays: _EndedRays, rows: int) -> MarkedLight:
         """Rays with marks, from so many rows to targets."""
-        blocks = self.transfer.blocks
-        target = blocks.of.numpy()[rays.cell] + blocks.count * is_deposited(rays.mark)
+        target = self._target(rays.cell, is_deposited(rays.mark))
         place, met = np.searchsorted(self._reached, target), elements_of(rays.mark)
         return MarkedLight(rays.row, place, rays.weight, met, (rows, self.blocks))
 
