@@ -41,7 +41,7 @@ from drcmitsuba.metrics.coefficients_by_state import Coefficients, LaterCoeffici
 from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, evaluate_metrics
 from drcmitsuba.metrics.facade_states import FacadeStates
 from drcmitsuba.metrics.spaces import sensors_by_space
-from drcmitsuba.plan import Plan, notes, plan
+from drcmitsuba.plan import Plan, notes, notes_on_sum, plan
 from drcmitsuba.plan.forecast import Forecast, forecast, is_short
 from drcmitsuba.runtime import backend, storage
 from drcmitsuba.runtime.errors import InputError
@@ -306,22 +306,22 @@ def _whole(begun: _BegunEvaluation, known: xr.Dataset | None) -> Result:
         )
         with run.timed("accumulation and metrics"):
             evaluated = evaluate_metrics(case, light, coefficients, direct, shade)
-    outcome = None
-    if case.accuracy.sensor_goal is not None:
+    outcome, is_sum = None, VARYING in coefficients.others
+    if case.accuracy.sensor_goal is not None and not is_sum:
         coefficients, evaluated, outcome = toward_target(
             planned.simulated, light, coefficients, evaluated, run
         )
-    planned = planned.summed() if VARYING in coefficients.others else planned
-    spectral = None
-    if case.colour.wavelengths and planned.effects["colour"].on:
+    planned = planned.summed() if is_sum else planned
+    remarks, spectral = [*begun.remarks], None
+    if is_sum:
+        remarks += notes_on_sum(case)
+    elif case.colour.wavelengths and planned.effects["colour"].on:
         E = evaluated.illuminance
         taken = FacadeStates.of(coefficients.attrs, E)
         spectral = spectral_year(case, light, E, taken, run)
         numbers = melanopic_metrics(spectral, E, case.colour.melanopic_threshold, light.step_hours)
         evaluated = replace(evaluated, metrics=evaluated.metrics | {"melanopic": numbers})
-    result = summed_up(
-        planned, coefficients, evaluated, run, begun.remarks, outcome, begun.expected
-    )
+    result = summed_up(planned, coefficients, evaluated, run, remarks, outcome, begun.expected)
     return replace(result, daylight=light, spectral=spectral)
 
 

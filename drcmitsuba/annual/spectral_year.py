@@ -26,14 +26,12 @@ from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.simulation import of_points
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.groups import VARYING
 from drcmitsuba.colour.appearance import temperatures
 from drcmitsuba.colour.bands import ALPHA_OPIC, TRISTIMULUS, Bands
 from drcmitsuba.colour.sources import SourceSpectra
 from drcmitsuba.colour.tints import Tints
 from drcmitsuba.metrics import accumulate
 from drcmitsuba.metrics.facade_states import FacadeStates
-from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.runtime.random_streams import Stream, case_seed
 from drcmitsuba.scene.geometry import origin, rotation
@@ -210,12 +208,8 @@ def spectral_year(
     Raises
     ------
     InputError
-        A spectrum is unfit, no surface has its name, or the façade takes too many states.
+        A spectrum is unfit, or no surface has its name.
     """
-    if VARYING in taken.states:
-        got = "a façade of groups that takes more states than are simulated one by one"
-        remedy = 'close them "together", or leave bands out'
-        raise InputError(case.source, "colour.bands", got, remedy)
     bands = Bands.of(case.colour.wavelengths)
     tints = Tints(case, bands)
     with run.timed("spectra of the sky"):

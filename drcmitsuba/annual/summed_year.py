@@ -14,10 +14,8 @@ from drcmitsuba.annual.run import Run
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import BLOCKED, HIDDEN
-from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.metrics.bin_luminances import source_luminances
 from drcmitsuba.plan import Plan, plan
-from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
@@ -55,9 +53,14 @@ def years_of_states(
     Raises
     ------
     InputError
-        The case has an adaptive sun or a target, and errors of `elements.illuminance`.
+        As `elements.illuminance`.
+
+    Notes
+    -----
+    True suns take the place of an adaptive one, and a target adds no rounds: both follow the light
+    of one façade.
     """
-    _refuse_rounds(case)
+    case, daylight = case.with_true_suns(), daylight.with_true_suns()
     points, normals = prepared(case).receivers.at()
     accuracy, effects = run.accuracy(case, len(points)), run.enabled_effects
     channels = scene.channels_of(case, effects)
@@ -123,16 +126,6 @@ class Opened(NamedTuple):
         planned, panes = plan(case, light), openings_of(case, fills)
         scope = effects_of(panes, planned.scope, case.effects)
         return cls(panes, replace(planned, scope=scope), replace(run, enabled_effects=scope))
-
-
-def _refuse_rounds(case: Case) -> None:
-    """Refuse an adaptive sun and a target, whose further rays follow the light of one façade."""
-    if isinstance(case.sun, Adaptive):
-        got = "adaptive, where light is summed over openings"
-        raise InputError(case.source, "sun.model", got, "take another one, or fewer states")
-    if case.accuracy.sensor_goal is not None:
-        got = "a target, where light is summed over openings"
-        raise InputError(case.source, "accuracy.target", got, "leave it out")
 
 
 def luminances_of(daylight: Daylight, labels: Sequence[str]) -> csr_matrix:

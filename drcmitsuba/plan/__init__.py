@@ -18,7 +18,9 @@ forecast
 
 from drcmitsuba.plan.effect import Effect
 from drcmitsuba.plan.facts import Facts
-from drcmitsuba.plan.notes import notes, photon_notes, without_rounds
+from drcmitsuba.plan.notes import notes, notes_on_sum, photon_notes, without_rounds
 from drcmitsuba.plan.planning import Plan, plan
 
-__all__ = ["Effect", "Facts", "Plan", "notes", "photon_notes", "plan", "without_rounds"]
+__all__ = [
+    "Effect", "Facts", "Plan", "notes", "notes_on_sum", "photon_notes", "plan", "without_rounds",
+]  # fmt: skip

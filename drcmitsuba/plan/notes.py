@@ -87,6 +87,18 @@ def without_rounds(goal: Target | None) -> list[str]:
     return [f'accuracy.target: "{goal}": light that façades share has no rounds toward it']
 
 
+def notes_on_sum(case: Case) -> list[str]:
+    """Note what follows the light of one façade, and not a year that is summed over its groups."""
+    remarks = without_rounds(case.accuracy.sensor_goal)
+    if case.sun.model == "adaptive":
+        remarks.append(
+            "sun.model: true suns light the hours whose light is summed over groups of panes"
+        )
+    if case.colour.wavelengths:
+        remarks.append("colour: left out, since light is summed over groups of panes")
+    return remarks
+
+
 def colour_notes(case: Case) -> list[str]:
     """Notes on spectra, which are read and checked; none without bands."""
     if not case.colour.wavelengths:

@@ -73,6 +73,12 @@ class Daylight:
         """Its time stamps without luminances, for what knows illuminances."""
         return replace(self, sky=self.sky.drop_vars([*self.sky.data_vars, "sun_bin"]))
 
+    def with_true_suns(self) -> Daylight:
+        """Daylight whose suns stand for themselves where they belong to an adaptive sun."""
+        if self.sky.attrs["sun_model"] != "adaptive":
+            return self
+        return replace(self, sky=self.sky.assign_attrs(sun_model="true_sun"))
+
     def alone(self) -> Daylight:
         """Daylight without the year; its suns are still those of the year."""
         return replace(self, year=None)

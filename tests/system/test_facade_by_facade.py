@@ -159,6 +159,16 @@ def test_many_states_are_recombined(run, tmp_path, monkeypatch):
     assert (xr.open_zarr(tmp_path / "out" / "coefficients.zarr")["state"] == "open").all()
     hour = (E["time"].dt.dayofyear.values - 1) * 24 + E["time"].dt.hour.values
     np.testing.assert_array_equal(E["facade_state"], states[hour])
+    aimed = TWO.replace("[accuracy]", '[accuracy]\ntarget = "1 point"')
+    more = '[sun]\nmodel = "adaptive"\n[colour]\nbands = 9\n'
+    other, _ = evaluated(run, tmp_path, aimed + GROUPS + more)
+    notes = "\n".join(numbers(tmp_path)["settings"]["notes"])
+    assert "true suns light the hours whose light is summed" in notes
+    assert '"1 point": light that façades share has no rounds' in notes
+    assert "colour: left out" in notes
+    closed = (E["facade_state"] > 0).any("group").values
+    np.testing.assert_array_equal(other["facade_state"], E["facade_state"])
+    np.testing.assert_allclose(other["total"][closed], E["total"][closed], rtol=1e-5)
     out = tmp_path / "out"
     code, _, err = run("illuminance", out / "coefficients.zarr", out / "sky.zarr")
     assert code == 2

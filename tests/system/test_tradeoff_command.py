@@ -6,6 +6,7 @@ import pandas as pd
 import pytest
 
 from drcmitsuba.annual.tradeoff import settings
+from drcmitsuba.runtime import process
 from tests.system.conftest import has_child
 
 CASE = """
@@ -47,7 +48,13 @@ def few_settings(monkeypatch):
     monkeypatch.setattr(module, "design", short)
 
 
-def test_a_table_and_a_picture(run, case, tmp_path, few_settings):
+@pytest.fixture
+def no_processes(monkeypatch):
+    """Do in this process what users' settings do in their own, however slow the machine starts."""
+    monkeypatch.setattr(process, "run", lambda job, deadline, progress=None: job())
+
+
+def test_a_table_and_a_picture(run, case, tmp_path, few_settings, no_processes):
     """A busy machine may not reach every setting; the table says which."""
     code, out, err = run("tradeoff", case, "-o", tmp_path / "t", "--minutes", 0.2)
     assert code == 0, err
