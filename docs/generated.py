@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 import drcmitsuba
 from drcmitsuba.case.case import Case
-from drcmitsuba.cli.main import app
+from drcmitsuba.cli.main import app_of
 
 PACKAGE = Path(drcmitsuba.__file__).parent
 
@@ -87,7 +87,7 @@ def _plain(text: str) -> str:
 
 def command_line() -> str:
     """Reference of all verbs, from the same declarations that the command line runs."""
-    group = typer.main.get_command(app)
+    group = typer.main.get_command(app_of())
     pages = [
         "# Command line",
         "This page is generated from the program. Exit codes: 0 success (also when a time limit "

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Annotated
 
 import typer
@@ -38,16 +38,6 @@ from drcmitsuba.cli.startup import with_kernels
 from drcmitsuba.runtime import interruption
 from drcmitsuba.runtime.errors import BackendError, InputError, is_caused_by, on_a_line, was_stopped
 
-app = typer.Typer(
-    name="drcmitsuba",
-    help="Annual daylight simulation of daylight redirecting components.",
-    epilog="drcmitsuba new writes a case to start from; drcmitsuba VERB --help explains a verb.",
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,  # square brackets in help texts are units and tables, no markup
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
-
 WITH_KERNELS: tuple[Callable[..., None], ...] = (
     evaluate.evaluate, comply.comply, plan.plan, case.case, tradeoff.tradeoff, optimise.optimise,
     season.season, steps.sky, steps.coefficients, steps.illuminance, steps.metrics, steps.plot,
@@ -68,10 +58,10 @@ class _Verb(TyperCommand):
         return re.sub(r" <[^<>\n]+>", lambda match: " " * len(match[0]), super().get_help(ctx))
 
 
-for command in WITHOUT_KERNELS:
-    app.command(name=command.__name__, cls=_Verb)(command)
-for command in WITH_KERNELS:
-    app.command(name=command.__name__, cls=_Verb)(with_kernels(command))
+VERBS: dict[str, Callable[..., None]] = {
+    **{command.__name__: command for command in WITHOUT_KERNELS},
+    **{command.__name__: with_kernels(command) for command in WITH_KERNELS},
+}
 
 
 def _print_version(asked: bool) -> None:
@@ -82,7 +72,6 @@ def _print_version(asked: bool) -> None:
         raise typer.Exit
 
 
-@app.callback(invoke_without_command=True)
 def _root(
     context: typer.Context,
     version: Annotated[
@@ -96,11 +85,36 @@ def _root(
         print(context.get_help())
 
 
+def app_of(verbs: Mapping[str, Callable[..., None]] = VERBS) -> typer.Typer:
+    """Command line of some verbs, by default of all."""
+    app = typer.Typer(
+        name="drcmitsuba",
+        help="Annual daylight simulation of daylight redirecting components.",
+        epilog=(
+            "drcmitsuba new writes a case to start from; drcmitsuba VERB --help explains a verb."
+        ),
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,  # square brackets in help texts are units and tables, no markup
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    app.callback(invoke_without_command=True)(_root)
+    for name, command in verbs.items():
+        app.command(name=name, cls=_Verb)(command)
+    return app
+
+
+def _asked() -> Mapping[str, Callable[..., None]]:
+    """The verb that is asked for: the options of all take a tenth of a second; else all verbs."""
+    name = "".join(sys.argv[1:2])
+    return {name: VERBS[name]} if name in VERBS else VERBS
+
+
 def main() -> None:
     """Run the command line and turn errors into one line and an exit code."""
     allow(sys.stdout, sys.stderr)
     try:
-        code = app(standalone_mode=False)
+        code = app_of(_asked())(standalone_mode=False)
         if code == interruption.STOPPED:  # Typer has caught KeyboardInterrupt
             raise KeyboardInterrupt
         sys.stdout.flush()

@@ -10,12 +10,12 @@ from PIL import Image
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.shipped import shipped_cases, shipped_recipes
-from drcmitsuba.cli.main import app
+from drcmitsuba.cli.main import app_of
 from drcmitsuba.runtime.toml import tomllib
 from tests import ROOT
 
 DOCS = ROOT / "docs"
-COMMANDS = typer.main.get_command(app).commands
+COMMANDS = typer.main.get_command(app_of()).commands
 SCHEMA = Case.model_json_schema()
 ROW = re.compile(r"^\| (?P<there>.+?) \| (?P<here>.+?) \| ", re.MULTILINE)
 SPAN = re.compile(r"`([^`]+)`")
