@@ -53,7 +53,9 @@ def traced(sun, surfaces, photons=1 << 15):
     return [tracer.traced(seed).ledgers["pipe sun"] for seed in range(12)]
 
 
-@pytest.mark.parametrize("beam", [(0.13, 0.08, 1.0), (0.4, -0.75, 1.0)])
+@pytest.mark.parametrize(
+    "beam", [(0.13, 0.08, 1.0), pytest.param((0.4, -0.75, 1.0), marks=pytest.mark.slow)]
+)
 def test_duct_of_1_to_100(holds, beam):
     """Up to 115 mirrors in turn, each met a little early: rays start δ off the one before.
 

@@ -119,7 +119,8 @@ def case_of(folder, stamps, count="[2, 2]"):
     return folder / "case.toml"
 
 
-@pytest.mark.parametrize("edges", [(40, 120), pytest.param((40, 240), marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("edges", [(40, 120), (40, 240)])
 def test_many_sensors(holds, edges):
     """Up to 57,600: what is held beside the results is that of a block of 1024."""
     small, large = alone(SENSORS, *edges)

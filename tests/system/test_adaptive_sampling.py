@@ -117,7 +117,8 @@ def test_bins_that_are_met_later_are_taken_as_they_come():
 # ---- evaluations ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("model", ["true_sun", pytest.param("adaptive", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("model", ["true_sun", "adaptive"])
 def test_more_rounds_narrow_the_intervals_and_seeds_fix_the_numbers(evaluate, model):
     # Half of the hours of the middle sensor are beyond this threshold.
     middle = evaluate(model=model).illuminance["total"].median("time")

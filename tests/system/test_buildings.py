@@ -130,6 +130,7 @@ def test_what_is_unfit_is_one_line(folder, refused):
     assert "house.xml" in refused("plan", folder / "case.toml")
 
 
+@pytest.mark.slow
 def test_glare_is_told_by_space(folder, run):
     """A view at the window below, one at its back wall, one above; the third room has none."""
     views = {"window": (2, 2, 1.2, 0, -1), "door": (2, 3, 1.2, 0, 1), "hall": (3, 3, 4.2, 0, -1)}

@@ -170,6 +170,7 @@ def test_a_case_with_another_period_is_judged_by_the_hours_of_standards(run, res
     assert line in " ".join(out.split())
 
 
+@pytest.mark.slow
 def test_a_coarse_grid_gives_way_to_one_that_the_standard_asks_for(run, tmp_path):
     """Before, the standard had no verdict: "1.2 m between points"."""
     coarse = CASE.replace(DAYS, "").replace("count = [5, 5]", "count = [2, 3]")

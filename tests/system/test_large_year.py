@@ -97,6 +97,7 @@ def test_groups_of_panes_whose_year_is_a_sum(tmp_path, sums_of_groups):
     assert large.metrics["groups"] == whole.metrics["groups"]
 
 
+@pytest.mark.slow
 def test_a_sum_over_groups_goes_on_where_it_was_stopped(tmp_path, monkeypatch, sums_of_groups):
     case, blocks = case_of(tmp_path, ("[facade.south]", EAST)), tmp_path / "blocks"
     summed, sum_up = [], elements.illuminance

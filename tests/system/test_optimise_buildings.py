@@ -83,6 +83,7 @@ def search_of_panes(case, area):
     return best
 
 
+@pytest.mark.slow
 def test_panes_of_a_gbxml_building(tmp_path):
     """Film and glass share the panes, since the sun through all the glass would exceed ASE."""
     house.written(tmp_path, house.text(house.with_window_above().values()))

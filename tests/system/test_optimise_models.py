@@ -86,7 +86,7 @@ OTHERS = (
 )
 
 
-@pytest.mark.parametrize("name", slowly(["mesh", GROUPED], GROUPED))
+@pytest.mark.parametrize("name", slowly(["mesh", GROUPED], "mesh", GROUPED))
 def test_transmittances_are_those_of_cases_that_have_them(tmp_path, name):
     shade = "" if SHADING in MODELS[name] else SHADING
     layout = ModelLayout.of(case_of(tmp_path, name, shade + DESIGN + FREE))

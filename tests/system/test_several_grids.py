@@ -86,6 +86,7 @@ def test_results_tell_the_rooms_apart(evaluated, run):
             assert stepped[name][metric]["value"] == grid[metric]["value"]
 
 
+@pytest.mark.slow
 def test_plans_are_drawn_again_with_rooms_while_the_model_can_be_read(
     evaluated, run, tmp_path, drawn
 ):

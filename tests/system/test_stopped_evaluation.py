@@ -91,7 +91,7 @@ main()
     ("module", "name", "delay", "written"),
     [
         ("annual.simulation", "compute", 0.3, set()),
-        ("blocks.block_folder", "write_block", 0.0, set()),
+        pytest.param("blocks.block_folder", "write_block", 0.0, set(), marks=pytest.mark.slow),
         ("runtime.storage", "save_zarr", 0.0, {"illuminance.nc"}),
     ],
 )

@@ -7,6 +7,7 @@ import pytest
 
 from drcmitsuba.annual.tradeoff import settings
 from drcmitsuba.runtime import process
+from tests.fast import slowly
 from tests.system.conftest import has_child
 
 CASE = """
@@ -108,7 +109,7 @@ def test_a_wrong_case_is_refused_at_once(refused, case, tmp_path):
     assert "lies in, on or beyond a wall" in refused("tradeoff", case, "-o", tmp_path / "t")
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", slowly([signal.SIGINT, signal.SIGTERM], signal.SIGTERM))
 def test_a_stop_leaves_nothing_half_written(stopped, case, tmp_path, number):
     answer = stopped(number, has_child, "tradeoff", case, "-o", tmp_path / "t")
     assert answer == (130, "drcmitsuba: stopped\n")

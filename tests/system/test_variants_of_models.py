@@ -26,7 +26,7 @@ def cases(tmp_path):
     return cases
 
 
-@pytest.mark.parametrize("name", slowly(MODELS, "Radiance model with groups"))
+@pytest.mark.parametrize("name", slowly(MODELS, "Radiance model with groups", "mesh"))
 def test_variants_of_models_are_what_each_is_alone(cases, same, name):
     pair = cases(name)
     every = list(evaluate_variants(pair))

@@ -168,6 +168,7 @@ def test_light_on_outer_walls_enters_no_room_beside_them(tmp_path):
         assert float(mine) == pytest.approx(float(other), rel=0.15)
 
 
+@pytest.mark.slow
 def test_the_search_finds_what_it_finds_in_the_room_of_boxes(tmp_path):
     problems, best = [], []
     for kind, tables in ((ModelLayout, MODEL), (Layout, ROOM)):
@@ -189,7 +190,9 @@ ONE_TILE = {"rows = 2": "rows = 1", "segments = 2": "segments = 1", "[0.2, 0.4]"
 LEAST = 'objective = "area"\nsda_least = 55\n'
 
 
-@pytest.mark.parametrize(("kind", "tables"), [(ModelLayout, MODEL), (Layout, ROOM)])
+@pytest.mark.parametrize(
+    ("kind", "tables"), [pytest.param(ModelLayout, MODEL, marks=pytest.mark.slow), (Layout, ROOM)]
+)
 def test_the_least_area_of_windows_is_that_of_a_sweep(tmp_path, kind, tables):
     """One tile, by its shares of window and film: the least window with which any film does."""
     case_of(tmp_path, tables)

@@ -99,6 +99,7 @@ def empties(group, seconds=30):
 
 
 @skips.POSIX.mark
+@pytest.mark.slow
 def test_ctrl_c_of_a_terminal_leaves_one_line_whole_blocks_and_no_worker(rough, tmp_path):
     folder = tmp_path / "out"
     command = [sys.executable, "-m", "drcmitsuba.cli", "evaluate", str(rough), "-o", str(folder)]

@@ -95,7 +95,9 @@ def between(count: int) -> np.ndarray:
     return unit(rng.uniform(0, 60, count), rng.uniform(0, 360, count))
 
 
-@pytest.mark.parametrize(("width", "most"), [(4, 0.24), (12, 0.09)])
+@pytest.mark.parametrize(
+    ("width", "most"), [pytest.param(4, 0.24, marks=pytest.mark.slow), (12, 0.09)]
+)
 def test_an_isotropic_film(tmp_path, width, most):
     f = scattering(width)
     names = measure(tmp_path, f, [(t, 0) for t in range(0, 80, 15)], 1000)

@@ -101,7 +101,7 @@ def simulated(folder: Path, sky_options: str = SKY_OPTIONS) -> None:
     ("material", "state"),
     [
         pytest.param("open", "open", marks=pytest.mark.slow),
-        ("glass", "open"),
+        pytest.param("glass", "open", marks=pytest.mark.slow),
         pytest.param("glass", "shaded", marks=pytest.mark.slow),
     ],
 )

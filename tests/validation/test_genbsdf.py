@@ -96,7 +96,7 @@ def agree(ours: np.ndarray, theirs: np.ndarray, rays: int) -> float:
     return float(abs(ours - theirs).max())
 
 
-@pytest.mark.parametrize("name", slowly(CASES, "acrylic saw-tooth"))
+@pytest.mark.parametrize("name", slowly(CASES, "acrylic saw-tooth", "bent mirrors"))
 def test_genbsdf_finds_the_same(name):
     backend.select()
     structure, material, limits, depth, rays = CASES[name]

@@ -11,7 +11,8 @@ import pytest
 
 from tests.validation import unfolded_duct as duct
 
-GRID = [(0.9, 1.0), (0.9, 8.0), (0.95, 2.5), (0.99, 8.0)]
+LONG = [pytest.param(*of, 8.0, marks=pytest.mark.slow) for of in ((0.9,), (0.99,))]
+GRID = [(0.9, 1.0), (0.95, 2.5), *LONG]
 
 
 def traced(

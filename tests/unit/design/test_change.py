@@ -237,7 +237,7 @@ FINER = CASE.replace("replicates = 2\npaths = 16", "replicates = 6\npaths = 96")
 FINER = FINER.replace("sensor_sky_rays = 16", "sensor_sky_rays = 64")
 
 
-@pytest.mark.parametrize("kind", slowly(["groups", "facing"], "facing"))
+@pytest.mark.parametrize("kind", slowly(["groups", "facing"], "groups", "facing"))
 def test_façades_of_groups_are_evaluations_of_their_own(tmp_path, kind):
     """E and verdict of a façade with some film, beside its realisation with other light paths.
 
@@ -350,6 +350,7 @@ def test_single_tiles_change_no_more_than_the_best_of_all_whole_tiles(year, by_t
     assert 0 < optimum.best.changed <= min(passing) * year.tiles.area[0] + 1e-3
 
 
+@pytest.mark.slow
 def test_few_hours_lead_to_a_change_that_all_hours_lead_to():
     """Six tiles, in a year of 960 time stamps."""
     year = SyntheticYear(Tiles.grid(6, 1), time=960, grid=(4, 6))

@@ -52,7 +52,7 @@ def of_file(kind, folder, more="", **accuracy):
     return case.with_tables(accuracy=case.accuracy.model_copy(update=accuracy))
 
 
-@pytest.mark.parametrize("kind", slowly([*CASES], "Radiance", "mesh", "Honeybee"))
+@pytest.mark.parametrize("kind", slowly([*CASES], *CASES))
 def test_painted_model_equals_a_fresh_simulation(tmp_path, same, kind):
     samples = {"paths": 256, "cell_size": 0.3, "cell_sky_rays": 64, "sensor_sky_rays": 256}
     case = of_file(kind, tmp_path, **samples)
@@ -69,7 +69,7 @@ def test_painted_model_equals_a_fresh_simulation(tmp_path, same, kind):
     assert at(interiors[0], {})[0].mean() != pytest.approx(E.mean(), rel=0.05)
 
 
-@pytest.mark.parametrize("kind", slowly([*CASES], "Radiance", "mesh"))
+@pytest.mark.parametrize("kind", slowly([*CASES], "Radiance", "mesh", "gbXML"))
 def test_gradients_by_every_material_are_the_differences(tmp_path, kind):
     case = of_file(kind, tmp_path)
     interior = Interior.of(case, daylight.daylight(case))

@@ -366,7 +366,8 @@ def mirrored_scene():
     )
 
 
-@pytest.mark.parametrize("gather", [pytest.param(0, marks=pytest.mark.slow), 2])
+@pytest.mark.slow
+@pytest.mark.parametrize("gather", [0, 2])
 def test_picture_of_a_sunlit_mirror_is_that_of_coefficient(gather, same):
     scene = mirrored_scene()
     L = np.append(np.full(146, 0.2), 100.0)

@@ -24,6 +24,7 @@ from drcmitsuba.rendering.view_facade import ViewFacade
 from drcmitsuba.rendering.view_of_case import in_the_scene
 from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.transport.elements.marks import BITS, elements_of, share_of
+from tests.fast import slowly
 from tests.model_rooms import house
 from tests.unit.colour.rooms import box
 from tests.unit.glare_year.test_glare_of_films import klems
@@ -130,9 +131,10 @@ ROOMS = {
 }
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=[pytest.mark.slow] * ("film" in n)) for n in ROOMS]
-)
+SLOW = [name for name in ROOMS if "film" in name or "model" in name]
+
+
+@pytest.mark.parametrize("name", slowly(ROOMS, *SLOW))
 def test_a_state_is_that_of_its_own_light_paths(name, tmp_path):
     make, state = ROOMS[name]
     case = make(tmp_path)

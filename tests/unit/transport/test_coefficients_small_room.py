@@ -65,7 +65,7 @@ def with_sources(surfaces, turn=0.0):
 
 
 @pytest.mark.parametrize(
-    "name", slowly(ROOMS, "open hole", "house opposite and bench", "opal above clear")
+    "name", slowly(ROOMS, "open hole", "house opposite and bench", "opal above clear", "shaded")
 )
 def test_gd_agrees_with_the_plain_path_tracer(name, same, plain_coefficients):
     case, state = ROOMS[name]()

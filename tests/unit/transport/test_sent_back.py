@@ -34,7 +34,7 @@ def two_sides():
 def sent_back(solved):
     """Light of all sensors that the film, and then the cloth, sends back, (fill, replicate)."""
     one = two_sides()
-    finer = {"paths": 8192, "cell_paths": 128, "seed": int(solved)}
+    finer = {"paths": 8192, "cell_paths": 128, "film_sky_samples": 16, "seed": int(solved)}
     accuracy = one.accuracy.model_copy(update=finer)
     effects = EnabledEffects(solved_cells=solved)
     light = elements.compute(one, PaneGroups.of(one), SUNS, accuracy, effects)
