@@ -123,6 +123,10 @@ class SyntheticYear:
     def _tensors(self):
         return [mi.TensorXf(b.reshape(-1, b[0, 0].size)) for b in self.arrays]
 
+    def built(self, share, E, scale=None):
+        """Tiles that are built as they are mixed."""
+        return E
+
     def at(self, hours):
         return SomeHours(self, hours)
 

@@ -17,6 +17,7 @@ from drcmitsuba.design.facade_glare import LitOpenings, TracedEyes
 from drcmitsuba.design.facade_groups import FacadeGroups
 from drcmitsuba.runtime.progress import Stage
 from drcmitsuba.scene.materials import shade_covers
+from drcmitsuba.scene.panes_in_state import grouped_panes
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.tiled_facades import TiledFacades
 from drcmitsuba.sky.daylight import Daylight
@@ -93,6 +94,9 @@ class TiledLight:
     """Number of every element's group, −1 for none, int, shape (element,); likewise."""
     openings: LitOpenings | None = None
     """Openings that the light was traced by, and the eyes; None where no glare is asked for."""
+    quads: np.ndarray | None = None
+    """Corners of the searched tiles, fronts into the room, in the traced frame [m], shape
+    (tile, 4, 3); None of a model."""
 
     @classmethod
     def of(
@@ -116,6 +120,8 @@ class TiledLight:
         (drawn,) = tiled.drawn
         others = [drawn[g] for g in range(tiles, len(tiled.fills))]
         elements, places = tiled.panes.states.starts[-1], [*_places(tiled, groups)]
+        panes = grouped_panes(tiled.case, groups=tiled.panes)
+        quads = {each.group: each.quads[0] for each in panes}  # a tile of the grid is a rectangle
         return cls(
             tiles=Tiles(np.array([tile[0] for tile in tiled.rectangles[:tiles]])),
             materials=tiled.fills[0],
@@ -127,6 +133,7 @@ class TiledLight:
             groups=groups,
             group=None if groups is None else group_of_elements(elements, places),
             openings=openings,
+            quads=np.array([quads[tile] for tile in range(tiles)]),
         )
 
     def eyes(self, daylight: Daylight, stage: Stage) -> TracedEyes | None:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import reduce
+from operator import add
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from drcmitsuba.design.cut_tiles import CutTiles
 from drcmitsuba.design.facade_glare import TracedEyes
 from drcmitsuba.design.facade_groups import FacadeGroups
 from drcmitsuba.design.facade_tiles import TiledLight, Tiles
@@ -18,6 +21,7 @@ from drcmitsuba.schema import channel_weights
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.transport.elements.smooth_year import SmoothYear
 from drcmitsuba.transport.elements.state_illuminances import Illuminances, weighed
+from drcmitsuba.transport.elements.straight_pairs import StraightPairs
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,8 @@ class FacadeYear:
     """Daylight that the year is of; None where no standard asks for its hours."""
     eyes: TracedEyes | None = None
     """Eyes, and all that they see; None where hours of glare are not asked for."""
+    cut: CutTiles | None = None
+    """Tiles as they are built; None where they are built as they are mixed."""
 
     @classmethod
     def of(
@@ -101,6 +107,38 @@ class FacadeYear:
         """
         shares, factors = self.weights(share, scale)
         return weighed((w, year.illuminance(shares, factors)) for w, year in self.channels)
+
+    def with_cut_tiles(self, cut: CutTiles) -> FacadeYear:
+        """Year whose tiles are cut into panes where they are built."""
+
+        def passed(year: SmoothYear) -> SmoothYear:
+            straight, *groups = (
+                cut.passed(pairs, year.labels) for pairs in (year.straight, *year.groups)
+            )
+            return replace(year, straight=straight, groups=tuple(groups))
+
+        channels = tuple((weight, passed(year)) for weight, year in self.channels)
+        return replace(self, channels=channels, cut=cut)
+
+    def built(
+        self, share: mi.TensorXf, E: Illuminances, scale: Mapping[str, mi.Float] | None = None
+    ) -> Illuminances:
+        """Illuminance of a composition with straight sun as by its tiles when they are built.
+
+        `E` [lx] is that of `illuminance`; it keeps what is no straight sun of the open state.
+        """
+        if self.cut is None:
+            return E
+        shares, factors = self.weights(share, scale)
+        low, high = map(flat, self.cut.spans(share.numpy()))
+
+        def weighed(pairs: StraightPairs) -> mi.Float:
+            own = pairs.between(low, high, shares)
+            return pairs.summed(own * dr.gather(mi.Float, factors, pairs.element))
+
+        parts = [[w * sun for sun in year.straight_sun(weighed)] for w, year in self.channels]
+        direct, *by_group = (reduce(add, of_channels) for of_channels in zip(*parts, strict=True))
+        return E._replace(direct=direct, by_group=tuple(by_group))
 
     def weights(
         self, share: mi.TensorXf, scale: Mapping[str, mi.Float] | None = None

@@ -16,6 +16,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.design import Design
 from drcmitsuba.case.facade import Facade
 from drcmitsuba.design import pictures, present_facade
+from drcmitsuba.design.cut_tiles import CutTiles
 from drcmitsuba.design.facade_glare import EyesOfCase, LitOpenings, TraceEyes, eyes_of
 from drcmitsuba.design.facade_maps import Panes, Strips, Window
 from drcmitsuba.design.facade_tiles import FacadeParts, TiledLight, groups_of
@@ -32,6 +33,7 @@ from drcmitsuba.plan import plan
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.runtime.toml import Side
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.tiled_facades import TiledFacades, refuse_structures_in_strips
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.daylight import daylight as daylight_of
@@ -141,7 +143,11 @@ class Layout:
             The weather is unfit, or a search cannot represent the case.
         """
         tiled, daylight = self.light(self.heights, 1, stage, eyes_of(self.case, trace_eyes))
-        return FacadeYear.of(tiled, daylight, tiled.eyes(daylight, stage))
+        year = FacadeYear.of(tiled, daylight, tiled.eyes(daylight, stage))
+        assert tiled.quads is not None
+        points, _ = prepared(self.case).receivers.at()
+        parts = tiled.tiles, tiled.materials, self.film, tiled.quads, points, daylight.suns
+        return year.with_cut_tiles(CutTiles(*parts))
 
     def light(
         self, heights: np.ndarray, kept: int | None = None, stage: Stage = silent,

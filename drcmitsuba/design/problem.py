@@ -361,6 +361,7 @@ class FacadeProblem(RatedProblem):
         scale: dict[str, mi.Float] | None = None,
     ) -> FacadeScore:  # fmt: skip
         """Hard score of a composition with illuminances E and areas of film and panes [m²]."""
+        E = self.year.built(share, E, scale)
         glare, seen = None, self.year.eyes
         if seen is not None:
             glare = self.measure.glare_hard(seen, self.year.weights(share, scale), E)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -15,6 +15,8 @@ from drcmitsuba.runtime.toml import Side
 from drcmitsuba.scene.pane_groups import group_of
 
 MOST_SEGMENTS = 200
+LEAST_PANE = 2 * THINNEST
+"""Least height of a piece without a frame [m]."""
 LEAST_PART = 1e-3
 """Smallest share of a tile that does not count as 0."""
 ALIGNED = 0.01
@@ -46,7 +48,7 @@ def realise(
     old = case.facade.get(side, Facade())
     segments, columns = _columns(tiles, case.room.wall(side)[0], old)
     segments_of: dict[Piece, list[int]] = {}
-    least = old.frame + 2 * THINNEST
+    least = old.frame + LEAST_PANE
     for i, column in enumerate(columns):
         for piece in pieces_of(tiles, np.asarray(share), column, list(materials), film, least):
             segments_of.setdefault(piece, []).append(i)
@@ -93,21 +95,28 @@ def pieces_of(
 
     No pane is lower than the `least` height [m]; other arguments are those of `realise`.
     """
-    none = np.zeros(len(materials))
-    none[materials.index("wall")] = 1.0
-    stack = [none, *share[column], none]
-    cut: list[Piece] = []
-    for i, tile in enumerate(column):
-        low, high = map(float, tiles.bounds[tile, 2:])
-        parts = _parts(stack[i + 1], stack[i], stack[i + 2], materials, film)
-        cut += _heights(parts, low, high, least)
+    cut = cut_tiles(tiles, share, column, materials, film, least)
     joined: list[Piece] = []
-    for bottom, top, name in cut:
+    for bottom, top, name in (piece for pieces in cut for piece in pieces):
         if joined and joined[-1][2] == name and abs(joined[-1][1] - bottom) < THINNEST:
             joined[-1] = joined[-1][0], top, name
         else:
             joined.append((bottom, top, name))
     return [piece for piece in joined if piece[2] != "wall"]
+
+
+def cut_tiles(
+    tiles: Tiles, share: np.ndarray, column: np.ndarray, materials: list[str], film: str,
+    least: float,
+) -> Iterator[list[Piece]]:  # fmt: skip
+    """Yield the pieces of every tile of a column, walls among them; arguments as `pieces_of`."""
+    none = np.zeros(len(materials))
+    none[materials.index("wall")] = 1.0
+    stack = [none, *share[column], none]
+    for i, tile in enumerate(column):
+        low, high = map(float, tiles.bounds[tile, 2:])
+        parts = _parts(stack[i + 1], stack[i], stack[i + 2], materials, film)
+        yield _heights(parts, low, high, least)
 
 
 def _parts(

@@ -60,6 +60,11 @@ class Caustics:
         seeds = [launch_seed(accuracy.seed, Stream.PHOTONS, r) for r in range(accuracy.replicates)]
         return cls(tuple(sky.traced(seed + 1) for seed in seeds), sun, accuracy)
 
+    def by_bin(self) -> CausticMap:
+        """Map of the irradiance per luminance of each bin of the sky [sr]."""
+        parts = [one.cells[0].array for one in self.of_sky]
+        return CausticMap(self.of_sky[0], dr.concat(parts))
+
     def under(self, sources: HourSources) -> tuple[CausticMap, ...]:
         """Maps of the irradiance [lx] under the sources, which may have no sun."""
         maps = [_map(self.of_sky, 0, sources.sky)]
@@ -80,14 +85,21 @@ class CausticMap:
     landed: Landed
     """Photons of one replicate, whose cells are those of all."""
     E: mi.Float
-    """Irradiance [lx], flat (replicate, cell)."""
+    """Irradiance [lx], flat (replicate, cell); or (replicate, cell, bin), see `Caustics.by_bin`."""
 
     def on(self, p: mi.Point3f, n: mi.Normal3f, replicate: mi.UInt32) -> mi.Float:
         """Irradiance of points of surfaces in their replicates [lx]."""
+        at, known = self.cells(p, n, replicate)
+        return dr.gather(mi.Float, self.E, at, known)
+
+    def cells(
+        self, p: mi.Point3f, n: mi.Normal3f, replicate: mi.UInt32
+    ) -> tuple[mi.UInt32, mi.Bool]:
+        """Entries (replicate, cell) of points of surfaces, and whether photons fell there."""
         areas = self.landed.areas
         row, known = areas.at(areas.grid.key(p, n))
         at = replicate * dr.opaque(mi.UInt32, len(areas)) + row
-        return dr.gather(mi.Float, self.E, dr.select(known, at, 0), known)
+        return dr.select(known, at, 0), known
 
 
 def _map(landed: list[Landed] | tuple[Landed, ...], kind: int, L: np.ndarray) -> CausticMap:

@@ -16,6 +16,7 @@ import xarray as xr
 from drcmitsuba_plugins.patches import Patches, patch_index
 from drcmitsuba_plugins.symbolic import symbolic
 
+from drcmitsuba.rendering.caustics import CausticMap
 from drcmitsuba.rendering.pixel_paths import PixelPaths
 from drcmitsuba.rendering.surface_light import SurfaceLight
 from drcmitsuba.rendering.traced_view import TracedView
@@ -43,9 +44,10 @@ def coefficient_pictures(traced: TracedView) -> Iterator[xr.Dataset]:
     assert subdivision is not None
     labels = np.array(Patches(subdivision).labels, dtype=object)
     cells, glow = _of_cells(light), _Glow.of(traced, len(labels))
+    caustics = None if traced.caustics is None else traced.caustics.by_bin()
     dr.eval(cells, glow)
     for paths in traced.tiles():
-        by_slot = _slots(traced, paths, cells, glow, subdivision, len(labels))
+        by_slot = _slots(traced, paths, cells, glow, caustics, subdivision, len(labels))
         each = by_slot.reshape(-1, replicates, len(labels)).swapaxes(0, 1)
         first = paths.first // replicates // columns
         shape = (paths.slots // replicates // columns, columns, len(labels))
@@ -89,6 +91,7 @@ def _slots(
     paths: PixelPaths,
     cells: mi.Float,
     glow: _Glow,
+    caustics: CausticMap | None,
     subdivision: int,
     bins: int,
 ) -> np.ndarray:
@@ -113,6 +116,8 @@ def _slots(
         dr.eval(out)
     if dr.width(paths.weight):
         _add_surfaces(out, traced, paths, cells, glow, stride)
+        if caustics is not None:
+            _add_caustics(out, traced, paths, caustics, stride)
     shares = traced.sampling.samples // traced.light.base.accuracy.replicates
     return np.asarray(out.numpy()).reshape(paths.slots, bins) / np.float32(shares)
 
@@ -139,6 +144,27 @@ def _add_surfaces(
     rays, of_panes = traced.sampling.panes, replicate * dr.opaque(mi.UInt32, len(traced.glow))
     for start in range(0, dr.width(paths.look), max(1, dr.width(paths.weight) * rays)):
         _add_sums(out, paths, paths.look_at, paths.look, glow.looked, of_panes, rays, start, stride)
+
+
+def _add_caustics(
+    out: mi.Float, traced: TracedView, paths: PixelPaths, caustics: CausticMap, stride: mi.UInt32
+) -> None:
+    """Add the light that components throw on surfaces, a lane for each surface and bin."""
+    replicate = paths.slot % traced.light.base.accuracy.replicates
+    cell, known = caustics.cells(mi.Point3f(paths.p), mi.Normal3f(paths.n), replicate)
+    dr.eval(cell, known)
+    bins, surfaces = int(stride[0]), dr.width(paths.weight)
+    first, step = dr.opaque(mi.UInt32, paths.first), max(1, ENTRIES // bins)
+    for begin in range(0, surfaces, step):
+        lane = dr.arange(mi.UInt32, min(step, surfaces - begin) * bins)
+        surface, bin_ = lane // stride + dr.opaque(mi.UInt32, begin), lane % stride
+        there = dr.gather(mi.Bool, known, surface)
+        entry = dr.gather(mi.UInt32, cell, surface) * stride + bin_
+        value = dr.gather(mi.Float, caustics.E, entry, there)
+        value *= dr.gather(mi.Float, paths.weight, surface) * dr.inv_pi
+        slot = dr.gather(mi.UInt32, paths.slot, surface) - first
+        dr.scatter_add(out, value, slot * stride + bin_, there)
+        dr.eval(out)
 
 
 def _add_sums(

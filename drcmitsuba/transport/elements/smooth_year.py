@@ -8,7 +8,7 @@ shade open, and with the shade before what it covers. The shares are those of al
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -50,6 +50,8 @@ class SmoothYear:
     """Duration of a time step [h]."""
     shape: tuple[int, int, int]
     """Numbers of bins, blocks and sensors."""
+    labels: tuple[str, ...]
+    """Labels of the bins."""
     closings: tuple[mi.TensorXf, ...]
     """Matrices (element + 1, element + 1) that turn shares into those of each further state."""
     besides: tuple[mi.Float, mi.Float]
@@ -125,6 +127,7 @@ class SmoothYear:
             months=sky["clock"].dt.month.values,
             step_hours=daylight.step_hours,
             shape=(len(bins), light.besides.blocks.shape[2], len(light.positions)),
+            labels=tuple(light.labels[b] for b in bins),
             closings=tuple(mi.TensorXf(np.pad(m, (0, 1)) + no_opening) for m in closings),
             besides=(total, blocks),
             same=part(is_open & ~moves),
@@ -168,7 +171,7 @@ class SmoothYear:
         step = self.step_hours * len(self.months) / len(hours)
         return replace(
             self, months=self.months[hours], step_hours=step, shape=(len(bins), blocks, sensors),
-            besides=(total, D),
+            labels=tuple(self.labels[b] for b in bins), besides=(total, D),
             same=part(self.same), opened=part(self.opened), closed=tuple(map(part, self.closed)),
             straight=self.straight.at(bins), groups=tuple(each.at(bins) for each in self.groups),
             sky=mi.TensorXf(np.ascontiguousarray(self.sky.numpy()[hours])),
@@ -196,10 +199,13 @@ class SmoothYear:
         """
         E, *behind = map(self._accumulated, self.coefficients(shares, factors))
         shaded, *others = behind or [E] * len(self.closings) or [E]
-        straight = [each.weighed(shares * factors) for each in (self.straight, *self.groups)]
-        direct, *by_group = map(self._by_sun, straight)
+        direct, *by_group = self.straight_sun(lambda pairs: pairs.weighed(shares * factors))
         dr.eval(E, shaded, *others, direct, *by_group)  # else each metric would compute them again
         return Illuminances(E, shaded, direct, tuple(others), tuple(by_group))
+
+    def straight_sun(self, weighed: Callable[[StraightPairs], mi.Float]) -> list[mi.TensorXf]:
+        """E by straight sun [lx], all of it and that by each group, of C that pairs weigh up to."""
+        return [self._by_sun(weighed(pairs)) for pairs in (self.straight, *self.groups)]
 
     def coefficients(self, shares: mi.Float, factors: mi.Float) -> tuple[mi.Float, ...]:
         """C of the open state and of every further one, flat (bin, sensor) [sr].

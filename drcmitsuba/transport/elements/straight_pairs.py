@@ -25,6 +25,10 @@ class StraightPairs:
     """Mean over the results [sr]."""
     shape: tuple[int, int]
     """Numbers of bins and sensors."""
+    lower: mi.Float | None = None
+    upper: mi.Float | None = None
+    """Heights between which light passes the element [m], shape (pair,); NaN where these are not
+    asked for."""
 
     @classmethod
     def of(
@@ -53,13 +57,37 @@ class StraightPairs:
         own, sensor = np.divmod(self.place.numpy(), np.uint32(self.shape[1]))
         here = np.flatnonzero(np.isin(own, bins))
         place = np.searchsorted(bins, own[here]) * self.shape[1] + sensor[here]
-        element, C = self.element.numpy()[here], self.C.numpy()[here]
-        shape = len(bins), self.shape[1]
-        return StraightPairs(flat_indices(element), flat_indices(place), flat(C), shape)
+        element, shape = self.element.numpy()[here], (len(bins), self.shape[1])
+        C, *passed = (
+            None if each is None else flat(each.numpy()[here])
+            for each in (self.C, self.lower, self.upper)
+        )
+        return StraightPairs(flat_indices(element), flat_indices(place), C, shape, *passed)
 
     def weighed(self, weights: mi.Float) -> mi.Float:
-        """Σ weight · C, flat (bin, sensor) [sr]; gradients flow to the weights."""
+        """Σ weight · C, flat (bin, sensor) [sr]; gradients flow to the weights of the elements."""
+        return self.summed(dr.gather(mi.Float, weights, self.element))
+
+    def between(self, low: mi.Float, high: mi.Float, shares: mi.Float) -> mi.Float:
+        """Part of the light of each pair that passes between two heights of its element [–].
+
+        Parameters
+        ----------
+        low, high : mi.Float, shape (element,)
+            Heights [m] of the elements whose pairs know where light passes.
+        shares : mi.Float, shape (element,)
+            Shares of all elements, which are those of other pairs.
+        """
+        mixed = dr.gather(mi.Float, shares, self.element)
+        if self.lower is None or self.upper is None:
+            return mixed
+        known = dr.isfinite(self.lower)
+        bottom = dr.maximum(dr.gather(mi.Float, low, self.element, known), self.lower)
+        top = dr.minimum(dr.gather(mi.Float, high, self.element, known), self.upper)
+        return dr.select(known, dr.clip((top - bottom) / (self.upper - self.lower), 0, 1), mixed)
+
+    def summed(self, weights: mi.Float) -> mi.Float:
+        """Σ weight · C, flat (bin, sensor) [sr], by weights of pairs."""
         total = dr.zeros(mi.Float, self.shape[0] * self.shape[1])
-        light = self.C * dr.gather(mi.Float, weights, self.element)
-        dr.scatter_add(total, light, self.place)
+        dr.scatter_add(total, self.C * weights, self.place)
         return total

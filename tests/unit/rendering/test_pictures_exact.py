@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.case import Case
 from drcmitsuba.picture.picture import Picture
 from drcmitsuba.picture.view import PictureView
 from drcmitsuba.rendering.coefficient_pictures import coefficient_pictures
@@ -108,15 +109,31 @@ def test_a_fisheye_weighted_by_the_cosine_is_a_sensor_at_the_eye(sun):
     assert len(PATCHES) == 146
 
 
-@pytest.mark.parametrize("solved", [True, False])
-def test_coefficient_pictures_sum_up_to_the_sky_of_an_hour(solved):
-    case, state = ROOMS["opal above clear"]()
-    view = traced(scenes.load(case, state), solved=solved, samples=16)
+def under_a_pipe():
+    """A windowless room under a mirrored pipe, whose light photons bring."""
+    pipe = {"type": "lightpipe", "centre": [2, 2], "width": 0.8, "sides": 4, "height": 1.5}
+    tables = {
+        "room": {"size": [4, 4, 3]},
+        "materials": {"silver": {"type": "mirror", "reflectance": 0.95}},
+        "components": {"pipe": {**pipe, "mirror": "silver"}},
+        "sensors": {"corner": [0.5, 0.5, 0.8], "count": [1, 1]},
+    }
+    return Case.model_validate(tables), "open"
+
+
+@pytest.mark.parametrize(
+    ("room", "solved"),
+    [(ROOMS["opal above clear"], True), (ROOMS["opal above clear"], False), (under_a_pipe, True)],
+)
+def test_coefficient_pictures_sum_up_to_the_sky_of_an_hour(room, solved):
+    case, state = room()
+    view = traced(scenes.load(case, state), solved=solved, samples=16, photons=16)
     (whole,) = coefficient_pictures(view)
     shown = luminance(view, outside(0.0), LUMINANCES).mean
     assert whole["coefficient"].dims == ("row", "column", "bin")
     assert np.allclose(whole["coefficient"].values @ LUMINANCES, shown, rtol=1e-4)
     assert (whole["coefficient_se"] > 0).any()
+    assert (shown > 0).mean() > 0.5
 
 
 def test_light_between_many_cells_reaches_the_picture():
