@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from drcmitsuba import InputError
 from drcmitsuba.metrics import stored_arrays
 from tests import ROOT, skips
+from tests.fast import slowly
 from tests.hard import generated_files, generated_models
 from tests.hard import generated_results as results
 from tests.hard.command_line import GIB, growth_of, no_more_than
@@ -172,7 +173,7 @@ def use_many(kind, good, command, tally, holds, examples):
     holds(f"memory for {kind}, of 1 GiB", max(0, *growth) / GIB, 1)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", slowly(KINDS, "metrics"))
 def test_results_are_used_or_refused_in_one_line(kind, good, command, tally, holds):
     use_many(kind, good, command, tally, holds, 4)
 

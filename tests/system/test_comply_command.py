@@ -103,6 +103,7 @@ def test_a_case_is_evaluated_first(run, results, tmp_path, monkeypatch):
     assert kept == json.loads(json.dumps(of_folder))  # the same numbers from files
 
 
+@pytest.mark.slow
 def test_a_default_evaluation_serves_all_standards(run, results, tmp_path):
     """The five-day week has 2610 h; what standards count is that of cases with their own periods.
 

@@ -109,6 +109,7 @@ def _is_judged_as_by_comply(layout, optimum, run, folder):
     assert theirs["margin"]["value"] == pytest.approx(mine.margin.value)
 
 
+@pytest.mark.slow
 def test_the_command_says_whether_the_level_is_reached_afresh(run, tmp_path):
     file = write(tmp_path, 'objective = "standard"\nstandard = "lm-83-12"\n')
     code, out, err = run("optimise", file, "-o", tmp_path / "out")

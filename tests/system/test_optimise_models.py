@@ -137,6 +137,7 @@ def compare_with_differences(problem):
     assert ours == pytest.approx(by_differences, rel=1e-3, abs=3 * 4e-6 / h)
 
 
+@pytest.mark.slow
 def test_panes_are_chosen_by_name(run, tmp_path, monkeypatch):
     case_of(tmp_path, "mesh", DESIGN + 'panes = ["*_2"]\n')
     monkeypatch.chdir(tmp_path)

@@ -117,6 +117,7 @@ def test_panes_of_a_composition_keep_within_their_tiles(layout):
     assert box.area_of(drawn.layers)["plaster", "surface"] == pytest.approx(84 - 7)
 
 
+@pytest.mark.slow
 def test_shares_are_windows_that_are_drawn_in_both_faces(layout):
     walls = layout.openings.walls
     assert walls.area == pytest.approx(12)  # by the inner face

@@ -284,6 +284,7 @@ def test_nothing_global_is_touched():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+@pytest.mark.slow
 def test_standing_parts_that_another_figure_drew_leave_every_pixel_as_it_is(tmp_path):
     wide, deep = grid(6, 4), grid(4, 6)
     figures = {

@@ -18,6 +18,7 @@ from drcmitsuba.transport.windows import light_paths
 from drcmitsuba.transport.windows.deposit import WindowPanes
 from drcmitsuba.transport.windows.light_paths import BETWEEN_PANES, ELSEWHERE, by_window_and_bounce
 from tests import ROOT
+from tests.fast import slowly
 from tests.unit.transport.exact_scenes import (
     BENCH,
     CLOTH,
@@ -116,7 +117,7 @@ def test_light_straight_through_a_window_fills_its_form_factor(same):
         assert C.sum("bin").values == pytest.approx(exact, rel=0.01)
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", slowly(CASES, "two sides, glass and opal"))
 def test_direct_light_of_a_window_is_that_of_a_room_without_the_others(name):
     case, state = CASES[name]
     finer = ROUGH.model_copy(update={"replicates": 24})
