@@ -5,6 +5,7 @@
 - `layout`, `goal`, `problem`, `optimise`, `realise`: the façade, from `[design]` to a case to be
   built; `constraints`, `area_search`: parts of `optimise`, for the least area the last one;
   `model_layout`: the panes of a model; `facade_groups`: panes that close one by one;
+  `cut_tiles`: straight sun by the strips that tiles are built of;
   `facade_glare`: hours of glare, of eyes that the caller passes
 - `cheapest_change`, `change`: the least change for the next level of a standard; `requirement`,
   `change_problem`, `change_search`, `composed_facades`, `present_facade`

@@ -28,9 +28,9 @@ def _backend():
 def layout(**changes):
     """Two rows of two tiles, sensors all over the floor; no pane mirrors suns, as in sums."""
     sensors = {"corner": [0.0, 0.0, 0.4], "count": [8, 10], "spacing": 0.5}
-    tables = {"design": DESIGN, "accuracy": FEW, "sensors": sensors}
     dull = {**MATERIALS, "glass": {**MATERIALS["glass"], "reflectance": 0.0}}
-    return Layout.of(room(PLAIN, **tables, materials=dull, **changes))
+    tables = {"design": DESIGN, "accuracy": FEW, "sensors": sensors, "materials": dull}
+    return Layout.of(room(PLAIN, **tables | changes))
 
 
 def mixed(year, seed):
