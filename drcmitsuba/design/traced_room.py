@@ -25,11 +25,9 @@ from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.luminances import blended
 from drcmitsuba.sky.sun_models import Blend
 from drcmitsuba.transport.deposit import Deposit
-from drcmitsuba.transport.films.films import Films
 from drcmitsuba.transport.gather.blocks import Gathered
 from drcmitsuba.transport.interreflection.solved_cells import solved
 from drcmitsuba.transport.light.irradiance import Irradiance
-from drcmitsuba.transport.panes.patches import PanePatches
 from drcmitsuba.transport.photons.tracer import PhotonTracer
 
 
@@ -183,12 +181,7 @@ def _deposited(
 ) -> Deposited:  # fmt: skip
     """Average D·L over the replicates, with the points on the cells that each has drawn."""
     a, suns, year = case.accuracy, daylight.suns, AnnualIlluminance.of(daylight)
-    panes, size = [panes.quads for panes in world.scattering], 2 * a.cell_size
-    base = Deposit(
-        world, suns.directions, suns.diameter, case.sky.subdivision, a,
-        PanePatches.of(panes, size) if panes else None,
-        Films.of(world, size, suns.directions, suns.diameter),
-    )  # fmt: skip
+    base = Deposit.of(world, suns.directions, suns.diameter, case.sky.subdivision, a)
     p, n, places = flat(points), flat(normals), dr.arange(mi.UInt32, len(points))
     disks = base.disks(p, n, places, None)
     samples = a.sensor_sun_samples if suns.straight else 0

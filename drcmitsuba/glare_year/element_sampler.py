@@ -96,7 +96,7 @@ class _Alike(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ElementSampler:
-    """Simulation of the eyes of a case by element, in some façades: a `rounds.Sampler`."""
+    """Simulation of the eyes of a case by element, in some façades."""
 
     tracing: ElementTracing
     facades: FacadeShares
@@ -136,7 +136,7 @@ class ElementSampler:
     def more(
         self, samples: list[EyeSamples], wanting: np.ndarray, number: int, with_sources: bool
     ) -> list[EyeSamples]:
-        """Average a further round into the samples of all states; see `rounds.Sampler`."""
+        """Average a further round into the samples of all states; see `StateSampler.more`."""
         tracing = self.tracing
         seed = case_seed(self.case.accuracy.seed, Stream.ROUNDS, number)
         run = replace(tracing.run, seed=seed, shared=None, stage=silent, seconds={})

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from drcmitsuba.annual.run import Run
 from drcmitsuba.case.accuracy import AT_SENSORS, Target
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import APPLIED, State
+from drcmitsuba.glare_year.element_sampler import ElementSampler
 from drcmitsuba.glare_year.eye_samples import EyeSamples, by_hour, sources_seen
 from drcmitsuba.glare_year.eyes import Eyes
 from drcmitsuba.glare_year.result import GlareYear
@@ -46,51 +47,6 @@ class IntervalLook(NamedTuple):
 
 Judge = Callable[[list[EyeSamples]], IntervalLook]
 """Function that looks at the samples of all states."""
-
-
-class Sampler(Protocol):
-    """Simulation of the eyes of a case in several states of its façade."""
-
-    @property
-    def case(self) -> Case:
-        """Case whose eyes these are."""
-
-    @property
-    def run(self) -> Run:
-        """Run that times the stages."""
-
-    @property
-    def states(self) -> tuple[State, ...]:
-        """Names of all states, `applied` last."""
-
-    @property
-    def drawn(self) -> DrawnStates | None:
-        """States that `applied` takes in draws, whose samples follow those of all states."""
-
-    def traced(self) -> list[State]:
-        """States that are traced, for the forecast."""
-
-    def first(self) -> list[EyeSamples]:
-        """Simulate the first round, of all hours and eyes."""
-
-    def more(
-        self, samples: list[EyeSamples], wanting: np.ndarray, number: int, with_sources: bool
-    ) -> list[EyeSamples]:
-        """Average a further round into the samples.
-
-        Parameters
-        ----------
-        samples : list of EyeSamples
-        wanting : np.ndarray of bool, shape (state, time, view)
-            Entries of all states that need it; others of their hours and eyes may get it, too.
-        number : int
-            Number of rounds before it, which gives its seed.
-        with_sources : bool
-            Whether it has the luminances, too.
-        """
-
-    def notes(self) -> tuple[str, ...]:
-        """Notes on what was simulated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +93,18 @@ class StateSampler:
     def more(
         self, samples: list[EyeSamples], wanting: np.ndarray, number: int, with_sources: bool
     ) -> list[EyeSamples]:
-        """Average a further round into the samples of all states; see `Sampler`."""
+        """Average a further round into the samples of all states.
+
+        Parameters
+        ----------
+        samples : list of EyeSamples
+        wanting : np.ndarray of bool, shape (state, time, view)
+            Entries of all states that need it; others of their hours and eyes may get it, too.
+        number : int
+            Number of rounds before it, which gives its seed.
+        with_sources : bool
+            Whether it has the luminances, too.
+        """
         if self.index is not None:
             *states, applied = wanting
             wanting = np.stack(states)
@@ -162,6 +129,10 @@ class StateSampler:
             return samples
         others = () if self.drawn is None else self.drawn.others
         return [*samples, *(by_hour(samples, index) for index in (self.index, *others))]
+
+
+Sampler: TypeAlias = StateSampler | ElementSampler
+"""Simulation of the eyes of a case in several states of its façade."""
 
 
 def of_illuminance(samples: list[EyeSamples], target: Target) -> IntervalLook:

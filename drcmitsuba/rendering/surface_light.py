@@ -17,17 +17,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.rendering.view_glow import ViewGlow
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
-from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cells.points import CellPoints
 from drcmitsuba.transport.deposit import Deposit
-from drcmitsuba.transport.films.films import Films
 from drcmitsuba.transport.films.peaks import Peaks
 from drcmitsuba.transport.interreflection.solved_cells import Transfer
-from drcmitsuba.transport.panes.patches import PanePatches
 from drcmitsuba.transport.photons.tracer import PhotonTracer
 from drcmitsuba.transport.replicate import Replicates
 
@@ -42,17 +38,6 @@ class HourSources:
     """Luminance of the sun [cd/m²]; 0 without a sun that lights the scene."""
     direction: np.ndarray
     """Unit vector to the sun, shape (3,)."""
-
-
-def base_deposit(
-    scene: Scene, accuracy: Accuracy, subdivision: int | None, diameter: float
-) -> Deposit:
-    """Deposit of a scene by the sky alone."""
-    size, none = 2 * accuracy.cell_size, np.zeros((0, 3))
-    panes = [panes.quads for panes in scene.scattering]
-    patches = PanePatches.of(panes, size) if panes else None
-    films = Films.of(scene, size, none, diameter)
-    return Deposit(scene, none, diameter, subdivision, accuracy, patches, films)
 
 
 @dataclass(frozen=True)

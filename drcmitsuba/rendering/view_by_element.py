@@ -26,11 +26,13 @@ from drcmitsuba.rendering.chosen_paths import ChosenPaths
 from drcmitsuba.rendering.facade_scenes import FacadeScenes, Indices
 from drcmitsuba.rendering.glow import GlowTable
 from drcmitsuba.rendering.pixel_paths import PixelPaths, Sampling
-from drcmitsuba.rendering.surface_light import SurfaceLight, base_deposit
+from drcmitsuba.rendering.surface_light import SurfaceLight
 from drcmitsuba.rendering.traced_view import TracedView
 from drcmitsuba.rendering.view_glow import GlowLayout, ViewGlow
 from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cells.points import CellPoints
+from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.elements.marks import share_of
 from drcmitsuba.transport.elements.weights import chosen
 from drcmitsuba.transport.interreflection.solved_cells import Transfer
@@ -84,10 +86,7 @@ class ViewByElement:
         """Tables of the panes' radiance in the scene of every fill."""
         return tuple(
             GlowTable(base.scene, base.films, base.patches)
-            for base in (
-                base_deposit(world, self.accuracy, self.subdivision, self.diameter)
-                for world in self.scenes.fills
-            )
+            for base in map(self._by_sky, self.scenes.fills)
         )
 
     @property
@@ -105,11 +104,14 @@ class ViewByElement:
             self._states[indices] = self._in_state(indices)
         return self._states[indices]
 
+    def _by_sky(self, world: Scene) -> Deposit:
+        """Deposit of a scene by the sky alone."""
+        no_suns = np.zeros((0, 3))
+        return Deposit.of(world, no_suns, self.diameter, self.subdivision, self.accuracy)
+
     def _in_state(self, indices: Indices) -> TracedView:
         openings, cells, tiles = self.scenes.openings, self.cells, self.tiles
-        base = base_deposit(
-            self.scenes.load(indices), self.accuracy, self.subdivision, self.diameter
-        )
+        base = self._by_sky(self.scenes.load(indices))
         glow = ViewGlow(GlowTable(base.scene, base.films, base.patches))
         transfer = cells.transfer
         if openings is not None:

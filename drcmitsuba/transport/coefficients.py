@@ -38,10 +38,8 @@ from drcmitsuba.transport.coefficient_arrays import (
     without_values,
 )
 from drcmitsuba.transport.deposit import Deposit
-from drcmitsuba.transport.films.films import Films
 from drcmitsuba.transport.gather.blocks import Gathered
 from drcmitsuba.transport.own_exits import Passages
-from drcmitsuba.transport.panes.patches import PanePatches
 from drcmitsuba.transport.photons.light import FluxLedger, Landed
 from drcmitsuba.transport.photons.tracer import PhotonTracer
 from drcmitsuba.transport.rays.openings import within_of
@@ -155,11 +153,7 @@ def compute_blocks(
         progress(done / len(points))
     if done == len(points):
         return
-    size = 2 * accuracy.cell_size
-    panes = [panes.quads for panes in scene.scattering]
-    patches = PanePatches.of(panes, size) if panes else None
-    films = Films.of(scene, size, suns.directions, suns.diameter)
-    base = Deposit(scene, suns.directions, suns.diameter, subdivision, accuracy, patches, films)
+    base = Deposit.of(scene, suns.directions, suns.diameter, subdivision, accuracy)
     photons = PhotonTracer.of(
         scene, points, normals, suns.directions, suns.diameter, subdivision, accuracy
     )

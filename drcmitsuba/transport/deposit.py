@@ -80,6 +80,17 @@ class Deposit:
     pane_seed: int | None = None
     """Seed of the draws `TO_PANES`; None for that of the case."""
 
+    @classmethod
+    def of(
+        cls, scene: Scene, suns: np.ndarray, diameter: float, subdivision: int | None,
+        accuracy: Accuracy,
+    ) -> Deposit:  # fmt: skip
+        """Deposit in a scene, whose panes are cut into patches of two cells' width."""
+        size, panes = 2 * accuracy.cell_size, [panes.quads for panes in scene.scattering]
+        patches = PanePatches.of(panes, size) if panes else None
+        films = Films.of(scene, size, suns, diameter)
+        return cls(scene, suns, diameter, subdivision, accuracy, patches, films)
+
     @property
     def bins(self) -> tuple[int, int]:
         """Number of sky bins, including the ground, and of suns."""

@@ -21,7 +21,7 @@ import numpy as np
 
 from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.flat_arrays import flat_indices
-from drcmitsuba.transport.gather.marked_paths import FULL
+from drcmitsuba.transport.elements.marked_light import FULL
 from drcmitsuba.transport.light.irradiance import Irradiance
 from drcmitsuba.transport.pane_light import Light
 

@@ -4,15 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from drcmitsuba.runtime import lazy
-from drcmitsuba.transport.elements.marks import elements_of
 from drcmitsuba.transport.elements.weights import Year
-from drcmitsuba.transport.gather.marked_paths import MarkedVertices, quick
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 sparse = lazy.module("scipy.sparse")
+
+FULL = 1 / 32
+"""Share of entries from which on products with a full matrix are the faster ones."""
+
+
+def quick(G: csr_matrix) -> csr_matrix | np.ndarray:
+    """Matrix in the form whose products are the faster ones."""
+    return G if G.nnz < FULL * G.shape[0] * G.shape[1] else G.toarray()
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,16 +40,6 @@ class MarkedLight:
     """Elements that its path met, the last one first, −1 for none, int, shape (vertex, meeting)."""
     shape: tuple[int, int]
     """Number of sensors, or blocks that rays come from, and of blocks, or targets."""
-
-    @classmethod
-    def by_result(
-        cls, marked: MarkedVertices, results: int, shape: tuple[int, int]
-    ) -> list[MarkedLight]:
-        """Vertices of every result."""
-        result, sensor = np.divmod(marked.row, shape[0])
-        met = elements_of(marked.mark)
-        each = (np.flatnonzero(result == r) for r in range(results))
-        return [cls(sensor[at], marked.block[at], marked.weight[at], met[at], shape) for at in each]
 
     @classmethod
     def mean(cls, parts: Sequence[MarkedLight]) -> MarkedLight:

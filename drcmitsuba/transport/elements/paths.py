@@ -6,17 +6,21 @@ solved on cells, `solved_paths` has both.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.runtime import lazy
-from drcmitsuba.transport.elements.marked_light import MarkedLight
+from drcmitsuba.runtime.flat_arrays import add_at, flat_indices
+from drcmitsuba.transport.elements.marked_light import MarkedLight, quick
+from drcmitsuba.transport.elements.marks import elements_of
 from drcmitsuba.transport.elements.weights import Year
-from drcmitsuba.transport.gather.blocks import Gathered
-from drcmitsuba.transport.gather.marked_paths import MarkedPaths
+from drcmitsuba.transport.gather.blocks import Gathered, Met
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -63,38 +67,114 @@ class ElementPaths(Protocol):
         """Light that openings send back."""
 
 
+BLOCK = 3
+"""Cells along an edge of the blocks that give D to paths with a mark."""
+
+
 @dataclass(frozen=True)
 class FollowedPaths:
-    """Paths that follow all bounces."""
+    """Paths that follow all bounces, split by whether they have a mark.
+
+    Those without one give a matrix of cells. Those with one are kept one by one: the light on
+    blocks of cells is enough for them, since they carry a few per cent of the light.
+    """
 
     gathered: Gathered
     sensors: int
-    results: int
+    results: int = 1
     """Number of results, each of `draws` replicates."""
-    draws: int
+    draws: int = 1
+
+    def _met(self) -> Iterator[tuple[slice, Met]]:
+        """Vertices of every block of sensors that has any."""
+        for here in self.gathered.blocks:
+            met = self.gathered.met(here)
+            if len(met):
+                yield here, met
 
     @cached_property
-    def _marked(self) -> MarkedPaths:
-        return MarkedPaths(self.gathered, self.sensors, self.draws)
+    def _blocks(self) -> tuple[mi.UInt32, int]:
+        """Block of every cell, and their number.
 
-    @cached_property
-    def _returned(self) -> list[MarkedLight]:
-        shape = self.sensors, self.blocks
-        return MarkedLight.by_result(self._marked.marked(), self.results, shape)
+        Cells that no path without a mark meets have blocks of their own: they lie beyond openings,
+        as outer reveals do beside a sill, and their light must not enter by closed openings. Where
+        walls are openings, such cells lie in rooms, too: the paths tell which.
+        """
+        block, count = self.gathered.cells.blocks(BLOCK)
+        if count == 0:
+            return block, 0
+        within = dr.zeros(mi.UInt32, self.gathered.cells.count)
+        for _, met in self._met():
+            dr.scatter(within, 1, met.cell, (met.mark == 0) & (met.weight > 0))
+        kind, rooms = (2 * block + within).numpy().astype(np.uint64), self.gathered.drawn.rooms
+        if rooms is not None:
+            kind += rooms.numpy().astype(np.uint64) << np.uint64(32)
+        kinds, number = np.unique(kind, return_inverse=True)
+        return flat_indices(number), len(kinds)
 
     @property
     def blocks(self) -> int:
         """Number of blocks of all cells."""
-        return self._marked.blocks
+        return self._blocks[1]
 
     def matrix(self, result: int) -> csr_matrix | np.ndarray:
-        """G₀, see `ElementPaths`."""
-        return self._marked.matrix(result)
+        """G₀ of the sensors from the cells, shape (sensor, cell); a sparse one in large scenes."""
+        parts = [np.zeros((3, 0))]
+        for here, met in self._met():
+            few = dr.opaque(mi.UInt32, here.stop - here.start)
+            of_result = met.row // few // self.draws == dr.opaque(mi.UInt32, result)
+            at = dr.compress(of_result & (met.mark == 0) & (met.weight > 0))
+            row, cell, weight = (dr.gather(type(x), x, at) for x in met[:3])
+            sensor = row % few + dr.opaque(mi.UInt32, here.start)
+            parts.append(np.stack([x.numpy().astype(float) for x in (weight, sensor, cell)]))
+        weight, sensor, cell = np.concatenate(parts, axis=1)
+        place = sensor.astype(np.int32), cell.astype(np.int32)
+        shape = self.sensors, self.gathered.cells.count
+        G = sparse.csr_matrix((weight / self.draws, place), shape)
+        G.sum_duplicates()  # in double precision
+        return quick(G.astype(np.float32))
 
     def onto_blocks(self, result: int) -> csr_matrix:
         """Shares of cells in the means over blocks, the same in all results."""
-        return self._marked.means
+        return self._means
+
+    @cached_property
+    def _means(self) -> csr_matrix:
+        """Shares of cells in the means over blocks, shape (block, cell).
+
+        The share of a cell is that of its visits by marked paths in those of its block.
+        """
+        block, blocks = self._blocks
+        visits = dr.zeros(mi.Float64, self.gathered.cells.count)
+        for _, met in self._met():
+            add_at(visits, mi.Float64(met.weight), met.cell, met.mark > 0)
+            dr.eval(visits)
+        each, of = visits.numpy(), block.numpy()
+        whole = np.bincount(of, each, blocks)[of]
+        share = np.divide(each, whole, out=np.zeros_like(each), where=whole > 0)
+        place = of, np.arange(self.gathered.cells.count)
+        return sparse.csr_matrix(
+            (share.astype(np.float32), place), (blocks, self.gathered.cells.count)
+        )
 
     def returned(self, result: int) -> MarkedLight:
-        """Paths with marks."""
+        """Vertices of the paths with marks."""
         return self._returned[result]
+
+    @cached_property
+    def _returned(self) -> list[MarkedLight]:
+        """Vertices of the paths with marks, by result."""
+        none = np.zeros(0, np.uint32)
+        columns = [(none, none, none, none, np.zeros(0, np.float32))]
+        for here, met in self._met():
+            few = here.stop - here.start
+            at = dr.compress(met.mark > 0)
+            row = dr.gather(mi.UInt32, met.row, at).numpy()
+            block = dr.gather(mi.UInt32, self._blocks[0], dr.gather(mi.UInt32, met.cell, at))
+            mark, weight = (dr.gather(type(x), x, at).numpy() for x in (met.mark, met.weight))
+            of_result, sensor = row // few // self.draws, row % few + here.start
+            columns.append((of_result, sensor, block.numpy(), mark, weight / self.draws))
+        result, sensor, block, mark, weight = map(np.concatenate, zip(*columns, strict=True))
+        elements, shape = elements_of(mark), (self.sensors, self.blocks)
+        each = (np.flatnonzero(result == r) for r in range(self.results))
+        return [MarkedLight(sensor[at], block[at], weight[at], elements[at], shape) for at in each]

@@ -23,10 +23,8 @@ from drcmitsuba.scene.panes_in_state import GroupedPanes
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.elements.weights import BESIDES
-from drcmitsuba.transport.films.films import Films
 from drcmitsuba.transport.mirrors.image_suns import ImageSuns
 from drcmitsuba.transport.mirrors.sun_lobes import SunLobes
-from drcmitsuba.transport.panes.patches import PanePatches
 from drcmitsuba.transport.photons.tracer import PhotonTracer
 
 
@@ -103,7 +101,10 @@ def elements_of_case(
         count = sum(len(each.quads) for each in mine)
         parts = tuple(_from_outside(case, part, materials, count) for part in world.parts)
         bins = np.concatenate([np.arange(sky_bins), sky_bins + np.flatnonzero(mask)])
-        light = _deposit(replace(world, parts=parts), suns.where(mask), subdivision, accuracy)
+        directions = suns.where(mask).directions
+        light = Deposit.of(
+            replace(world, parts=parts), directions, suns.diameter, subdivision, accuracy
+        )
         if number != BESIDES:  # else tiles would share one pattern of points, and so its errors
             own = launch_seed(accuracy.seed, Stream.OPENINGS, opening)
             light = replace(light, pane_seed=own)
@@ -124,14 +125,6 @@ def _area(panes: GroupedPanes) -> float:
 def _mirrors_suns(world: scene.Scene) -> bool:
     """Whether a sun behind an opening may reach it by way of mirrors or components."""
     return bool(world.ports or SunLobes.of(world)) or ImageSuns.of(world) is not None
-
-
-def _deposit(world: scene.Scene, suns: Suns, subdivision: int, accuracy: Accuracy) -> Deposit:
-    """Deposit in the scene of an element."""
-    size, panes = 2 * accuracy.cell_size, [panes.quads for panes in world.scattering]
-    patches = PanePatches.of(panes, size) if panes else None
-    films = Films.of(world, size, suns.directions, suns.diameter)
-    return Deposit(world, suns.directions, suns.diameter, subdivision, accuracy, patches, films)
 
 
 def _from_outside(

@@ -4,6 +4,4 @@ paths
     Paths of one launch, with the marks of what they met.
 blocks
     Paths of any number of sensors, in blocks that fit in memory.
-marked_paths
-    Paths of which some met panes whose state or material is left open.
 """

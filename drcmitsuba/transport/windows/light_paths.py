@@ -32,11 +32,9 @@ from drcmitsuba.schema import describe, mean_and_error
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.cells.vertices import Vertices
 from drcmitsuba.transport.deposit import Deposit
-from drcmitsuba.transport.films.films import Films
 from drcmitsuba.transport.gather.blocks import Gathered, Met
 from drcmitsuba.transport.light.irradiance import Irradiance
 from drcmitsuba.transport.light.products import RayMatrix, product
-from drcmitsuba.transport.panes.patches import PanePatches
 from drcmitsuba.transport.photons.light import Landed
 from drcmitsuba.transport.photons.tracer import PhotonTracer
 from drcmitsuba.transport.windows.deposit import WindowDeposit, WindowPanes, Windows
@@ -89,10 +87,7 @@ def by_window_and_bounce(
     labels = [*Patches(subdivision).labels, *suns.labels]
     suns = suns.where(scene.effects.enabled_suns(suns))
     followed = [*Patches(subdivision).labels, *suns.labels]
-    panes, size = [part.quads for part in scene.scattering], 2 * accuracy.cell_size
-    patches = PanePatches.of(panes, size) if panes else None
-    films = Films.of(scene, size, suns.directions, suns.diameter)
-    base = Deposit(scene, suns.directions, suns.diameter, subdivision, accuracy, patches, films)
+    base = Deposit.of(scene, suns.directions, suns.diameter, subdivision, accuracy)
     photons = PhotonTracer.of(
         scene, points, normals, suns.directions, suns.diameter, subdivision, accuracy
     )

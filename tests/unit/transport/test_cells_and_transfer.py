@@ -21,8 +21,8 @@ from drcmitsuba.transport import coefficients, replicate
 from drcmitsuba.transport.cells.cells import CellGrid, Cells
 from drcmitsuba.transport.cells.points import CellPoints
 from drcmitsuba.transport.cells.vertices import Vertices
+from drcmitsuba.transport.elements.paths import FollowedPaths
 from drcmitsuba.transport.gather.blocks import Gathered, Met
-from drcmitsuba.transport.gather.marked_paths import MarkedPaths
 from drcmitsuba.transport.interreflection import cell_rays
 from drcmitsuba.transport.interreflection.solved_cells import solved
 
@@ -217,7 +217,7 @@ def test_no_block_lies_in_two_rooms():
     met = Met(dr.zeros(mi.UInt32, 6), count, dr.ones(mi.Float, 6), dr.ones(mi.UInt32, 6))
     gathered = Gathered(None, (slice(0, 1),), cells, drawn, {0: met})
     blocks = [
-        cells.flat_blocks(3, drawn.rooms)[0].numpy(), MarkedPaths(gathered, 1)._blocks[0].numpy(),
+        cells.flat_blocks(3, drawn.rooms)[0].numpy(), FollowedPaths(gathered, 1)._blocks[0].numpy(),
     ]  # fmt: skip
     for block in blocks:
         told = np.array([1, 1, 2, 2, 0, 0])
