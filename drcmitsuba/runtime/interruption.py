@@ -7,16 +7,25 @@ its best design so far.
 
 from __future__ import annotations
 
+import _thread
 import os
 import signal
+import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from types import FrameType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sys import UnraisableHookArgs
 
 STOPPED = 130
 """Exit code after Ctrl-C or SIGTERM."""
 LINE = "drcmitsuba: stopped\n"
+SOON = 0.01
+"""Time until a stop that nobody has heard comes once more [s]."""
 
 descriptor = 2
 """File descriptor for the line, also while stderr is redirected."""
@@ -38,6 +47,14 @@ def _raise(number: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
+def _send(number: signal.Signals) -> None:
+    """Send a signal to the main thread."""
+    if hasattr(signal, "pthread_kill"):  # which ends a wait, too
+        signal.pthread_kill(threading.main_thread().ident or 0, number)
+    else:
+        _thread.interrupt_main(number)
+
+
 def exit_at_once() -> None:
     """End the process at Ctrl-C or SIGTERM, from now on until the work begins."""
     for number in _SIGNALS:
@@ -47,13 +64,29 @@ def exit_at_once() -> None:
 
 @contextmanager
 def raised() -> Iterator[None]:
-    """Raise KeyboardInterrupt at Ctrl-C or SIGTERM, where `exit_at_once` was called before."""
+    """Raise KeyboardInterrupt at Ctrl-C or SIGTERM, where `exit_at_once` was called before.
+
+    A finaliser that happens to run swallows every exception; the stop comes again after it.
+    """
     caught = [number for number in _SIGNALS if signal.getsignal(number) is _exit_at_once]
     for number in caught:
         signal.signal(number, _raise)
+    told = sys.unraisablehook
+
+    def again(unraisable: UnraisableHookArgs) -> None:
+        """Raise what a finaliser has swallowed once more, soon after it."""
+        if not caught or not issubclass(unraisable.exc_type, KeyboardInterrupt):
+            told(unraisable)
+            return
+        timer = threading.Timer(SOON, _send, caught[:1])
+        timer.daemon = True
+        timer.start()
+
+    sys.unraisablehook = again
     try:
         yield
     finally:
+        sys.unraisablehook = told
         for number in caught:
             signal.signal(number, _exit_at_once)
 

@@ -62,6 +62,33 @@ def test_a_full_disk_after_a_stop_is_told(run, case, tmp_path, monkeypatch):
     assert "No space left on device" in err
 
 
+SWALLOWED = """
+import os, signal, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in the background
+from drcmitsuba.runtime import interruption
+
+class Finalised:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(1)
+
+interruption.exit_at_once()
+with interruption.raised():
+    try:
+        Finalised()
+        time.sleep(30)
+    except KeyboardInterrupt:
+        print("heard")
+"""
+
+
+@skips.POSIX.mark
+def test_a_stop_that_a_finaliser_swallows_comes_again():
+    command = [sys.executable, "-c", SWALLOWED]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=50, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "heard\n", "")
+
+
 SLOW = changed(
     ("count = [5, 5]", "count = [30, 30]"), ("spacing = 0.6", "spacing = 0.1"),
     ("paths = 32", "paths = 8000"), ("sensor_sky_rays = 64", "sensor_sky_rays = 20000"),

@@ -34,13 +34,15 @@ WINDOWS_ALONE = {"msvcrt", "winreg", "_winapi", "winsound"}
 LACKING = {
     "fork", "forkpty", "killpg", "setsid", "getuid", "geteuid", "getgid", "getpgid", "sysconf",
     "sched_getaffinity", "mkfifo", "mknod", "chown", "nice", "statvfs", "uname", "posix_fallocate",
-    "pthread_sigmask", "alarm", "setitimer", "pause", "SIGALRM", "SIGKILL", "SIGHUP", "SIGUSR1",
+    "pthread_sigmask", "pthread_kill", "alarm", "setitimer", "pause", "SIGALRM", "SIGKILL",
+    "SIGHUP", "SIGUSR1",
 }  # fmt: skip
 """Names of `os` and `signal` that Windows lacks."""
 HANDLED = {
     ("drcmitsuba/runtime/machine_memory.py", "sysconf"),
     ("drcmitsuba/runtime/storage.py", "posix_fallocate"),
     ("drcmitsuba/runtime/interruption.py", "pthread_sigmask"),
+    ("drcmitsuba/runtime/interruption.py", "pthread_kill"),
 }
 """Where a system without them is asked for first."""
 
