@@ -105,7 +105,7 @@ def app_of(verbs: Mapping[str, Callable[..., None]] = VERBS) -> typer.Typer:
 
 
 def _asked() -> Mapping[str, Callable[..., None]]:
-    """The verb that is asked for: the options of all take a tenth of a second; else all verbs."""
+    """The verb that is asked for, since the options of all take time to build; else all verbs."""
     name = "".join(sys.argv[1:2])
     return {name: VERBS[name]} if name in VERBS else VERBS
 
