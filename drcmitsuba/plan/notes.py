@@ -94,8 +94,6 @@ def notes_on_sum(case: Case) -> list[str]:
         remarks.append(
             "sun.model: true suns light the hours whose light is summed over groups of panes"
         )
-    if case.colour.wavelengths:
-        remarks.append("colour: left out, since light is summed over groups of panes")
     return remarks
 
 

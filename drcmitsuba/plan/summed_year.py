@@ -39,8 +39,12 @@ def summed(
     if panes.on:
         reason = f"light from pane to pane is {when} ({SIZE}){beside}{panes.reason}"
         panes = replace(panes, on=False, reason=reason, missing=True)
-    images = _images(effects["mirrors"], facts, scope, when, beside)
-    return {**effects, "pane_to_pane": panes, "mirrors": images}
+    images, colour = _images(effects["mirrors"], facts, scope, when, beside), effects["colour"]
+    if facts.case.colour.wavelengths:
+        # Who has nothing but sums says so by `spectral_year.left_out`.
+        reason = "bands of colour are left out, since E of some hours is a sum over groups of panes"
+        colour = replace(colour, on=False, reason=reason, missing=not always)
+    return {**effects, "pane_to_pane": panes, "mirrors": images, "colour": colour}
 
 
 def _images(every: Effect, facts: Facts, scope: EnabledEffects, when: str, beside: str) -> Effect:

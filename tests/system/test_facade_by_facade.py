@@ -165,7 +165,9 @@ def test_many_states_are_recombined(run, tmp_path, monkeypatch):
     notes = "\n".join(numbers(tmp_path)["settings"]["notes"])
     assert "true suns light the hours whose light is summed" in notes
     assert '"1 point": light that façades share has no rounds' in notes
-    assert "colour: left out" in notes
+    assert "bands of colour are left out, since E of some hours is a sum" in notes
+    plan = json.loads((tmp_path / "out" / "plan.json").read_text())
+    assert (plan["colour"]["on"], plan["colour"]["missing"]) == (False, True)
     closed = (E["facade_state"] > 0).any("group").values
     np.testing.assert_array_equal(other["facade_state"], E["facade_state"])
     np.testing.assert_allclose(other["total"][closed], E["total"][closed], rtol=1e-5)
