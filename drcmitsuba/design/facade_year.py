@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import reduce
-from operator import add
 
 import drjit as dr
 import mitsuba as mi
@@ -132,12 +130,12 @@ class FacadeYear:
         shares, factors = self.weights(share, scale)
         low, high = map(flat, self.cut.spans(share.numpy()))
 
-        def weighed(pairs: StraightPairs) -> mi.Float:
+        def through_strips(pairs: StraightPairs) -> mi.Float:
             own = pairs.between(low, high, shares)
             return pairs.summed(own * dr.gather(mi.Float, factors, pairs.element))
 
-        parts = [[w * sun for sun in year.straight_sun(weighed)] for w, year in self.channels]
-        direct, *by_group = (reduce(add, of_channels) for of_channels in zip(*parts, strict=True))
+        parts = [[w * E for E in year.straight_sun(through_strips)] for w, year in self.channels]
+        direct, *by_group = map(sum, zip(*parts, strict=True))
         return E._replace(direct=direct, by_group=tuple(by_group))
 
     def weights(

@@ -149,8 +149,8 @@ class FilmYear:
     Every film reflects light into the room as the case's film does. Other panes, the frame and all
     reflectances are fixed. The shade does not cover films; `state="shaded"` gives the year with the
     shade closed, or all groups of panes in their last state. Limits: one film in one orientation
-    that nothing shades; grey rooms; no components. True suns take the place
-    of an adaptive one.
+    that nothing shades; grey rooms; no components. True suns take the place of an
+    adaptive one.
     """
 
     bins: FilmBins

@@ -149,22 +149,12 @@ def _add_surfaces(
 def _add_caustics(
     out: mi.Float, traced: TracedView, paths: PixelPaths, caustics: CausticMap, stride: mi.UInt32
 ) -> None:
-    """Add the light that components throw on surfaces, a lane for each surface and bin."""
+    """Add the light that components throw on surfaces: one entry for each, where photons fell."""
     replicate = paths.slot % traced.light.base.accuracy.replicates
     cell, known = caustics.cells(mi.Point3f(paths.p), mi.Normal3f(paths.n), replicate)
-    dr.eval(cell, known)
-    bins, surfaces = int(stride[0]), dr.width(paths.weight)
-    first, step = dr.opaque(mi.UInt32, paths.first), max(1, ENTRIES // bins)
-    for begin in range(0, surfaces, step):
-        lane = dr.arange(mi.UInt32, min(step, surfaces - begin) * bins)
-        surface, bin_ = lane // stride + dr.opaque(mi.UInt32, begin), lane % stride
-        there = dr.gather(mi.Bool, known, surface)
-        entry = dr.gather(mi.UInt32, cell, surface) * stride + bin_
-        value = dr.gather(mi.Float, caustics.E, entry, there)
-        value *= dr.gather(mi.Float, paths.weight, surface) * dr.inv_pi
-        slot = dr.gather(mi.UInt32, paths.slot, surface) - first
-        dr.scatter_add(out, value, slot * stride + bin_, there)
-        dr.eval(out)
+    share, base = mi.Float16(known), dr.zeros(mi.UInt32, dr.width(cell))
+    dr.eval(cell, share, base)
+    _add_sums(out, paths, cell, share, caustics.E, base, 1, 0, stride)
 
 
 def _add_sums(
