@@ -92,21 +92,15 @@ class _Mesh:
 
 def read_obj(file: Path, notes: Notes) -> list[MeshPart]:
     """Parts of an OBJ file, by material, group and object; lines and curves are left out."""
-    mesh = _Mesh(file)
-    for block in statements(file, "v|f|usemtl|g|o|mtllib"):
-        mesh.add(block)
-    vertices = np.concatenate([np.empty((0, 3)), *mesh.vertices])
-    check_vertices(file, vertices)
+    mesh, vertices, polygons = _read(file)
     colours = _libraries(file, mesh.libraries, notes)
 
     def refuse(_: int, wrong: str) -> InputError:
         return InputError(file, "f", f"a face that is {wrong}", "triangulate the mesh on export")
 
     pieces, parts = [np.empty((0, 4, 3))], [np.empty(0, int)]
-    for n in sorted(mesh.faces):
-        part = np.concatenate([part for part, _ in mesh.faces[n]])
-        index = np.concatenate([index for _, index in mesh.faces.pop(n)])
-        check_index(file, index, len(vertices))
+    for n in sorted(polygons):
+        part, index = polygons.pop(n)
         quads, polygon = polygon_quads(vertices[index], refuse)
         pieces.append(quads)
         parts.append(part[polygon])
@@ -118,6 +112,27 @@ def read_obj(file: Path, notes: Notes) -> list[MeshPart]:
         MeshPart(names, each, colours.get(names[0]) if names else None)
         for names, each in zip(mesh.parts, np.split(quads, ends), strict=False)
     ]
+
+
+def obj_polygons(file: Path) -> tuple[np.ndarray, dict[int, np.ndarray]]:
+    """Vertices (vertex, 3), and corners of faces by their number, (face, corner), of an OBJ."""
+    _, vertices, polygons = _read(file)
+    return vertices, {n: index for n, (_, index) in polygons.items()}
+
+
+def _read(file: Path) -> tuple[_Mesh, np.ndarray, dict[int, tuple[np.ndarray, np.ndarray]]]:
+    """Mesh of a file, vertices, and parts and corners of faces by their number of corners."""
+    mesh = _Mesh(file)
+    for block in statements(file, "v|f|usemtl|g|o|mtllib"):
+        mesh.add(block)
+    vertices = np.concatenate([np.empty((0, 3)), *mesh.vertices])
+    check_vertices(file, vertices)
+    polygons = dict[int, tuple[np.ndarray, np.ndarray]]()
+    for n in sorted(mesh.faces):
+        part, index = map(np.concatenate, zip(*mesh.faces.pop(n), strict=True))
+        check_index(file, index, len(vertices))
+        polygons[n] = part, index
+    return mesh, vertices, polygons
 
 
 def _libraries(file: Path, names: dict[str, None], notes: Notes) -> dict[str, Reflectance]:

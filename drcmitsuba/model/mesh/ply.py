@@ -52,13 +52,24 @@ class _Element:
 
 def read_ply(file: Path, notes: Notes) -> list[MeshPart]:
     """The one part of a PLY file, whose name is that of the file."""
+    vertices, rings = ply_polygons(file)
+
+    def refuse(_: int, wrong: str) -> InputError:
+        return InputError(file, "face", f"one that is {wrong}", "triangulate the mesh on export")
+
+    quads = [polygon_quads(vertices[index], refuse)[0] for index in rings.values()]
+    return [MeshPart((file.stem,), join(np.concatenate([np.empty((0, 4, 3)), *quads]))[0])]
+
+
+def ply_polygons(file: Path) -> tuple[np.ndarray, dict[int, np.ndarray]]:
+    """Vertices (vertex, 3), and corners of faces by their number, (face, corner), of a PLY file."""
     size = size_of(file)
     with opened(file) as stream:
         order, elements = _header(file, stream)
         if order:
             size_of(file, LARGEST)
         read = _Binary(file, stream, order, size) if order else _Text(file, stream)
-        vertices, rings = np.empty((0, 3)), {}
+        vertices, rings = np.empty((0, 3)), dict[int, np.ndarray]()
         for element in elements:
             if element.name == "vertex":
                 vertices = read.columns(element, ["x", "y", "z"])
@@ -68,15 +79,9 @@ def read_ply(file: Path, notes: Notes) -> list[MeshPart]:
             else:
                 read.columns(element, [])
     check_vertices(file, vertices)
-
-    def refuse(_: int, wrong: str) -> InputError:
-        return InputError(file, "face", f"one that is {wrong}", "triangulate the mesh on export")
-
-    parts = [np.empty((0, 4, 3))]
     for index in rings.values():
         check_index(file, index, len(vertices))
-        parts.append(polygon_quads(vertices[index], refuse)[0])
-    return [MeshPart((file.stem,), join(np.concatenate(parts))[0])]
+    return vertices, rings
 
 
 def _header(file: Path, stream: IO[bytes]) -> tuple[str, list[_Element]]:

@@ -391,10 +391,33 @@ def test_ply_files_are_read(tmp_path, form):
     vertices, faces = read_mesh(tmp_path / "m.ply")
     assert vertices.tolist() == [[0, 0, 0.5], [1, 0, 0], [1, 2, 0], [0, 2, 0]]
     assert faces.tolist() == [[0, 1, 2], [0, 2, 3]]
-    cut = ply(form)[:-6]
+    cut = ply(form)[:-8]
     (tmp_path / "m.ply").write_bytes(cut)
-    with pytest.raises(InputError, match="fewer than 2"):
+    with pytest.raises(InputError, match=r"fewer than 2|cut short"):
         read_mesh(tmp_path / "m.ply")
+
+
+@pytest.mark.parametrize("name", ["m.ply", "m.obj"])
+def test_polygons_are_cut_into_triangles(tmp_path, name):
+    corners = [(0, 0), (4, 0), (4, 4), (2, 1), (0, 4)]  # concave: a fan from the first is wrong
+    rings = [[0, 1, 2, 3, 4], [0, 1, 2, 5], [0, 1, 2]]
+    points = [(x, y, 0.0) for x, y in [*corners, (0, 4)]]
+    if name == "m.obj":
+        lines = [f"v {x} {y} {z}" for x, y, z in points]
+        lines += ["f " + " ".join(str(i + 1) for i in ring) for ring in rings]
+    else:
+        lines = ["ply", "format ascii 1.0", f"element vertex {len(points)}"]
+        lines += [f"property double {axis}" for axis in "xyz"] + [f"element face {len(rings)}"]
+        lines += ["property list uchar int vertex_indices", "end_header"]
+        lines += [" ".join(map(str, p)) for p in points]
+        lines += [" ".join(map(str, [len(ring), *ring])) for ring in rings]
+    (tmp_path / name).write_text("\n".join(lines) + "\n")
+    vertices, faces = read_mesh(tmp_path / name)
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    normals = np.cross(b - a, c - a)
+    assert (normals[:, 2] > 0).all()
+    assert len(faces) == 3 + 2 + 1
+    assert normals[:, 2].sum() / 2 == pytest.approx(10 + 16 + 8)
 
 
 UNFIT = {
