@@ -13,7 +13,7 @@ from drcmitsuba.annual.choice import ChosenFills
 from drcmitsuba.annual.moving_groups import MovingGroups, moving_groups
 from drcmitsuba.annual.simulation import joined_channels
 from drcmitsuba.annual.summed_year import luminances_of, replicates_of
-from drcmitsuba.annual.weighed_replicates import WeighedReplicates
+from drcmitsuba.annual.weighed_year import WeighedYear
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, GroupStates, State
@@ -31,7 +31,6 @@ from drcmitsuba.transport.elements import LightByElement, compute
 from drcmitsuba.transport.elements.known_year import KnownYear
 from drcmitsuba.transport.elements.simulate import MOST_BYTES
 from drcmitsuba.transport.elements.trace import Points
-from drcmitsuba.transport.elements.weighed_year import WeighedYear
 from drcmitsuba.transport.elements.weights import different_rows
 from drcmitsuba.transport.elements.year_by_bin import YearByBin
 
@@ -212,7 +211,7 @@ class ChosenFacade:
 
     def _summed(self, daylight: Daylight, year: WeighedYear) -> xr.Dataset:
         """`illuminance` [lx] that is summed where it is asked for."""
-        E = xr.Variable(("replicate", "time", "sensor"), WeighedReplicates(year))
+        E = xr.Variable(("replicate", "time", "sensor"), year)
         time = {"time": daylight.sky["time"].values}
         return self._with_sensors(xr.Dataset({"illuminance": E}, time, self.attributes))
 

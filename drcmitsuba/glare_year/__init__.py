@@ -14,6 +14,8 @@ seen_ends
     What rays of an eye end at, as glare counts it.
 films, suns
     Glow of films; images of the suns.
+worst_views, state_doubts
+    The most dazzled view of every space, and areas; doubts about the state in intervals of hours.
 seen, surface_light, luminance_noise
     What is seen from a place by every element; luminances of surfaces by the light of each, and
     their noise.

@@ -2,10 +2,11 @@
 
 load_recipe
     Read and check a recipe (TOML): prism, slots, lamellae or mesh, with or without glass.
-measure
-    Trace it and merge the cells: a `BsdfFile`.
-expose
-    Only trace it: all cells with their standard errors.
+trace
+    Light through one period of a structure that is repeated without end.
+exposure
+    `measure`: trace a recipe and merge the cells, a `BsdfFile`; `expose`: only trace it, all cells
+    with their standard errors.
 save
     Write the XML file.
 """

@@ -24,18 +24,23 @@ thresholds, smooth_step
     Counts above thresholds that all families share, exact and smooth.
 confidence
     `Interval`, a value with its 95 % interval.
+facade_states, watched_groups
+    State of the façade at every time stamp; groups of panes that a space watches by its sensors.
 coefficients_by_state
     `Coefficients`: C of the open and the shaded state.
-bin_luminances, accumulate
-    Luminances L of the bins of C; E from both.
+bin_luminances, source_sums, accumulate
+    Luminances L of the bins of C; sums by sky and sun on the device; E from both.
+year_replicates
+    E of a state by each replicate: held, or summed where it is asked for.
 illuminance
     E of a case's period, the shade applied.
-spaces, space_tasks, space_years
-    Spaces with their sensors; autonomy at the targets of their uses; both by replicates of E.
+space_rows, spaces, space_tasks, space_years
+    Spaces as rows of an attribute, and with their sensors; autonomy at the targets of their uses;
+    both by replicates of E.
 metrics_of_spaces
     Metrics by space, by storey and of the building, by area.
-sensor_areas
-    Spacing of grids, and the floor that each sensor stands for.
+grids, sensor_areas
+    Sensors by grid; spacing of grids, and the floor that each sensor stands for.
 sensor_counts
     Counts by sensor and month, which metrics of a year of any size follow from.
 intervals

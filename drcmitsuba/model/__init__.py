@@ -6,6 +6,14 @@ model
     What every reader gives.
 space
     Rooms by name, with their floors.
+glass, translucent
+    Panes by Fresnel's formulas; panes with a lobe around the straight direction.
+shared_walls
+    Faces that lie in one place, of two rooms: one sheet with a side for each.
+windows, window_table
+    New windows that are cut out of walls, and the table that lists them.
+written_files
+    Files that a reading writes for the length of the process.
 polygon
     Polygons of any shape, with holes, as triangles and parallelograms.
 plane

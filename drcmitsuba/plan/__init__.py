@@ -4,14 +4,12 @@ panes
     Materials of the façades by their effect on light; largest albedo and depth.
 facts, effect, decide, reflected, mirrors
     One function for each effect, with the quantity that decides it.
-summed_year
-    What is left out where E of a year is a sum over groups of panes.
+summed_year, notes
+    What is left out where E of a year is a sum over groups of panes; notes for the user on the
+    films and on the results.
 planning
     `plan`: all decisions about a case, and the enabled effects that transport reads.
 
-Notes
------
-    Notes for the user on the films and on the results.
 forecast
     Rays, seconds, memory and disk of an evaluation.
 """

@@ -8,6 +8,8 @@ surface_light
     Light on all surfaces of the scene, of which the rays gather.
 facade_scenes, eye_by_element, pixel_paths, light_paths
     All of a picture that depends neither on the hour nor on the state of the façade, by element.
+asked_view
+    Of which façade and in which parts a view is asked for, and where its light paths are kept.
 view_by_element, chosen_paths, view_glow, traced_view
     The same in a state, as a sum.
 outside, sun_on_surfaces, hour

@@ -4,6 +4,10 @@ errors
     `InputError`, which describes a user's mistake in one line; `BackendError`.
 toml
     Reading and checking of the tables of a file.
+registration
+    Plugins and LLVM, as soon as any module imports Dr.Jit or Mitsuba.
+lazy
+    Modules, and names of a package, that are imported at their first use.
 backend, llvm_library
     The compiler backend: LLVM on the processor, CUDA on a GPU; the library of LLVM.
 compilation, kernel_folder
@@ -14,6 +18,8 @@ machine_memory
     Memory of the machine that arrays may take, and what the process has taken.
 progress
     Progress of long work.
+interruption, time_limit
+    Ctrl-C and SIGTERM of the command line; the time for further rounds of samples.
 launch_size
     Numbers of sensors, paths, photons and shadow rays in one launch.
 flat_arrays, aligned_arrays
@@ -24,8 +30,8 @@ folder_lock
     A folder that one process at a time writes to.
 byte_size
     Sizes of memory and files as users write them.
-threads
-    Work of NumPy in several threads.
+threads, pieces
+    Work of NumPy in several threads; pieces of arrays that stay in a core's cache.
 background
     Jobs in a thread beside the main one.
 process

@@ -2,6 +2,8 @@
 
 weather
     Weather files: irradiances of every interval of a nominal year.
+consistency
+    Whether a weather file agrees with itself.
 period
     Time stamps that are evaluated.
 sun
@@ -14,7 +16,7 @@ sky_model
     `radiance`: luminances of patches, ground and sun.
 sun_models
     Which suns stand for the sun of every time stamp.
-daylight
+remarks, daylight
     Sky and suns of a case, with remarks on its period.
 luminances
     L[time, bin] of all bins, suns among them.

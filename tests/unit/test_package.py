@@ -1,5 +1,6 @@
 """Several files that describe the package agree, or one of them says it for all."""
 
+import ast
 import re
 from importlib import metadata, resources
 
@@ -10,6 +11,9 @@ from drcmitsuba.case.shipped import shipped_folder
 from drcmitsuba.runtime.toml import tomllib
 from tests import ROOT
 
+ENTRIES = re.compile(r"^(\w[\w, ]*)\n    \S", re.MULTILINE)
+"""Names in a list of contents, over an indented description."""
+ROOMS = sorted({file.parent for file in (ROOT / "drcmitsuba").rglob("*/__init__.py")})
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 RENAMED = {"matplotlib": "matplotlib-base", "openexr": "openexr-python", "pvlib": "pvlib-python"}
 """Names of conda-forge for packages of PyPI."""
@@ -17,6 +21,22 @@ RENAMED = {"matplotlib": "matplotlib-base", "openexr": "openexr-python", "pvlib"
 
 def name_of(requirement):
     return re.match(r"[\w.-]+", requirement)[0].lower().replace("_", "-")
+
+
+@pytest.mark.parametrize("folder", ROOMS, ids=lambda folder: folder.name)
+def test_a_list_of_contents_is_whole(folder):
+    """Every module and folder of a room stands in its list, and nothing that is not there."""
+    tree = ast.parse((folder / "__init__.py").read_text("utf-8"))
+    contents = ast.get_docstring(tree) or ""
+    listed = [name for names in ENTRIES.findall(contents) for name in names.split(", ")]
+    modules = {file.stem for file in folder.glob("*.py")} - {"__init__", "__main__"}
+    modules |= {file.parent.name for file in folder.glob("*/__init__.py")}
+    public = {
+        alias.name for node in tree.body if isinstance(node, ast.ImportFrom) for alias in node.names
+    }
+    assert modules - {*listed} == set()
+    assert {*listed} - modules - public == set()
+    assert len({*listed}) == len(listed)
 
 
 def test_the_version_stands_in_one_place():

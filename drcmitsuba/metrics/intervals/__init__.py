@@ -2,6 +2,8 @@
 
 rules
     Thresholds of the metrics, and the resolution of the draws.
+reach
+    Draws by how far they move an entry: most of them move none over a few standard errors.
 bootstrap_counts
     Number of sensors that pass, in every draw.
 sun, facade_draws, autonomy

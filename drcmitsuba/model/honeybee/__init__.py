@@ -6,6 +6,8 @@ entries
     JSON objects whose values are checked where they are read.
 overlap
     What two touching faces share, and what each has alone.
+spaces
+    Rooms as spaces: name, program, storey, floor.
 pieces, layers
     Polygons of rooms and shades, once each, and the layers that they make.
 modifiers, modifier_materials

@@ -1,9 +1,11 @@
 """Cost of an evaluation in advance: rays, seconds, memory, disk, and the share of every effect.
 
+pilot_paths
+    How long the paths of a pilot's sensors are, and how many cells those of all sensors meet.
 pilot
     Transport itself on few sensors, suns and photons, with its rays counted.
-work
-    Amounts of work by effect and unit; `summed` where a year is a sum over groups of panes.
+work, summed
+    Amounts of work by effect and unit; those where a year is a sum over groups of panes.
 cost
     Seconds of a unit of work, and the forecast; whether an evaluation is too short for one.
 size

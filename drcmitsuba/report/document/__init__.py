@@ -4,10 +4,12 @@ report
     `Report`: façades side by side, and their formats.
 facade
     `EvaluatedFacade`: one evaluation, from a folder or a result in memory.
-tables, verdicts, record
-    Tables: what was asked, metrics, months, spaces; verdicts on standards; plan and versions.
+tables, spaces, verdicts, record
+    Tables: what was asked, metrics, months; spaces; verdicts on standards; plan and versions.
 charts
     The months as shapes of SVG.
+light_of_sensors
+    Who lights every point of a plan.
 stored_lights, stored_pictures
     What other commands add to a folder: who lights its points; glare and pictures.
 plans, hours

@@ -1,9 +1,12 @@
 """Components as geometry: their surfaces, and the ports by which light reaches them.
 
-place
-    All components of a case, in position and checked.
-inside
-    Whether points lie in closed meshes.
+placed_component
+    Component in the room: its surfaces, its ports, and its hole in the ceiling.
+lightpipe, duct, structure, mesh, of_model
+    Straight pipes, ducts with an anidolic entry, structures in strips, meshes, mirrors and solids
+    of a model.
+placement
+    `place`: all components of a case, checked; `inside`: whether points lie in closed meshes.
 """
 
 from drcmitsuba.scene.components.placed_component import PlacedComponent

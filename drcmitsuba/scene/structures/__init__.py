@@ -1,11 +1,12 @@
 """Micro-structures and meshes from files, the geometry of components.
 
-load_recipe
-    Read and check a recipe (TOML): prism, slots, lamellae or mesh, with or without glass.
-unit_cell
-    Surfaces of one period of a recipe.
-read_mesh
-    Triangles of a PLY or OBJ file.
+recipe
+    `load_recipe`: read and check a recipe (TOML): prism, slots, lamellae or mesh, with or without
+    glass.
+mesh, solid, polygon
+    `read_mesh`: triangles of a PLY or OBJ file; whether they enclose a solid; ends of solids.
+structure, block
+    `unit_cell`: surfaces of one period of a recipe; whole periods, built into a pane.
 """
 
 from drcmitsuba.scene.structures.mesh import read_mesh

@@ -19,9 +19,8 @@ light, simulate
     Coefficients of every element, of which any façade is recombined.
 illuminance
     A year of known shares, of which no coefficients are kept.
-known_year, weighed_year, year_by_bin
-    Illuminances of a year by element; those of any façade, summed from them where they are asked
-    for; those of few façades, each from its own coefficients.
+known_year, year_by_bin
+    Illuminances of a year by element; those of few façades, each from its own coefficients.
 state_illuminances, mixed_rows, smooth_return, smooth_year
     E of a period in every state of a façade; weighted sums of arrays; what openings send
     back, and the smooth twin of a year of known light, whose derivatives by the shares are exact.

@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 from scipy.sparse import csr_matrix
 
-from drcmitsuba.annual.weighed_replicates import WeighedReplicates
+from drcmitsuba.annual.weighed_year import WeighedYear
 from drcmitsuba.metrics.year_replicates import replicates_of
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.threads import one_blas_thread
@@ -19,7 +19,6 @@ from drcmitsuba.transport.elements import known_year, year_by_bin
 from drcmitsuba.transport.elements.known_year import KnownYear
 from drcmitsuba.transport.elements.marked_light import MarkedLight
 from drcmitsuba.transport.elements.solved_paths import SolvedReturn
-from drcmitsuba.transport.elements.weighed_year import WeighedYear
 from drcmitsuba.transport.elements.year_by_bin import YearByBin
 from tests.fast import slowly
 from tests.unit.transport.exact_scenes import OPPOSITE, SUNS
@@ -158,7 +157,7 @@ def weighed(light):
     shares = np.array([[1, 0, 0, 0, 1, 1], [0.3, 0, 0.7, 0.5, 0.5, 1]], np.float32)
     part = np.random.default_rng(5).integers(0, 2, HOURS)
     parts = [WeighedYear.constant(year, row) for row in shares]
-    return WeighedYear.joined(parts, part), year.illuminance(shares[part])
+    return WeighedYear.of_parts(parts, part), year.illuminance(shares[part])
 
 
 @pytest.mark.parametrize("hours", [None, np.array([3, 9, 77, 149]), np.zeros(0, int)])
@@ -183,7 +182,7 @@ def test_pairs_and_means_are_those_of_all_replicates(weighed):
 
 def test_an_array_of_xarray_makes_its_numbers_when_it_is_used(weighed):
     facade, E = weighed
-    array = xr.DataArray(WeighedReplicates(facade), dims=("replicate", "time", "sensor"))
+    array = xr.DataArray(facade, dims=("replicate", "time", "sensor"))
     assert replicates_of(array.to_dataset(name="illuminance")) is array.data
     np.testing.assert_array_equal(array.values, E)
     np.testing.assert_array_equal(array.isel(sensor=0), E[..., 0])

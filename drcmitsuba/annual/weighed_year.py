@@ -1,4 +1,4 @@
-r"""Illuminance of a façade of known elements, summed where it is asked for.
+r"""Illuminance of a façade of known elements: an array of xarray, summed where it is asked for.
 
 .. math:: E_r = \sum_e w_e E_{e,r}
 
@@ -15,6 +15,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from drcmitsuba.metrics.year_replicates import SummedReplicates, YearReplicates
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices, row_and_column
 from drcmitsuba.runtime.pieces import run
@@ -26,8 +27,8 @@ AT_ONCE = 64
 
 
 @dataclass(frozen=True, eq=False)
-class WeighedYear:
-    """Illuminances of a year by element, and the shares of a façade."""
+class WeighedYear(SummedReplicates):
+    """E of a state at all hours of a year by element, by the shares of a façade."""
 
     year: KnownYear
     """Year whose light that openings send back is the same in all façades."""
@@ -42,7 +43,7 @@ class WeighedYear:
         return cls(year, shares[None], np.zeros(year.L.shape[0], int))
 
     @classmethod
-    def joined(cls, parts: Sequence[WeighedYear], part: np.ndarray) -> WeighedYear:
+    def of_parts(cls, parts: Sequence[WeighedYear], part: np.ndarray) -> WeighedYear:
         """Year that takes each time stamp from one of several parts, int, shape (time,)."""
         starts = np.cumsum([0, *(len(each.shares) for each in parts)])
         row = np.stack([each.row for each in parts])[part, np.arange(len(part))] + starts[part]
@@ -54,9 +55,17 @@ class WeighedYear:
         light = self.year.light
         return light.replicates, len(self.row), len(light.positions)
 
-    def replicates(self) -> np.ndarray:
+    def whole(self) -> np.ndarray:
         """E by each replicate [lx], shape (replicate, time, sensor)."""
         return self.year.illuminance(self.shares[self.row])
+
+    def joined(
+        self, others: Sequence[YearReplicates], part: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and standard error by a kernel that reads the elements of all states once."""
+        parts = [self, *(other for other in others if isinstance(other, WeighedYear))]
+        assert len(parts) == 1 + len(others)
+        return WeighedYear.of_parts(parts, part).statistics()
 
     def statistics(self, hours: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Mean of the replicates and its standard error [lx], (hour, sensor) each.
@@ -65,6 +74,7 @@ class WeighedYear:
         """
         backend.select()
         n, times, sensors = self.shape
+        hours = None if hours is not None and len(hours) == times else hours
         shape = (times if hours is None else len(hours), sensors)
         if 0 in shape:
             return np.zeros(shape, np.float32), np.zeros(shape, np.float32)
