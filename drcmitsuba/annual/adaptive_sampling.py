@@ -96,8 +96,11 @@ class _Sampling:
         """Add a round of some sensors and of the suns of some time stamps."""
         run = replace(self.run, seed=case_seed(self.case.accuracy.seed, Stream.ROUNDS, number))
         for state, samples in self.states.items():
-            possible = evaluated.draws.possible.get(state)
-            at = hours if possible is None or state == OPEN else hours[possible[hours]]
+            at = hours
+            if state != OPEN:
+                if (possible := evaluated.draws.possible.get(state)) is None:
+                    continue  # no draw of the rounds so far takes it any more
+                at = hours[possible[hours]]
             labels = sources(self.daylight.sky.isel(time=at))
             more = self.transport(state, labels, run, sensors=sensors)
             samples.add(more, sensors)

@@ -41,9 +41,8 @@ def fingerprint(case: Case, enabled_effects: EnabledEffects) -> str:
     if case.output.spaces:
         settings["in_spaces"] = case.output.spaces
     if case.model is not None:
-        settings["model"]["files"] = [_digest(file) for file in case.model.files]
-        if case.model.windows is not None:
-            settings["model"]["windows"] = _digest(case.model.windows)
+        del settings["model"]["files"], settings["model"]["windows"]  # by what they hold, with all
+        settings["model"]["content"] = case.building.digest  # the files that they call for
     if isinstance(case.sensors, PointSensors) and isinstance(case.sensors.points, Path):
         settings["sensors"]["points"] = _digest(case.sensors.points)
     for name, group in case.groups.items():

@@ -38,9 +38,11 @@ def hours_in_any_weather(
     assert rule is not None
     if len(rule.groups) == 1:
         return draw_shade(case, daylight.step_hours, direct, marked).closures.others
-    may_close = (sunlit(direct, rule) > 0).any(axis=1) & rule.by_rule
+    is_lit = (sunlit(direct, rule) > 0).any(axis=1) | (rule.area == 0)
+    may_close = is_lit & rule.by_rule
     taken: dict[State, np.ndarray] = {}
-    for closes in product((False, True), repeat=len(rule.groups)):
+    ways = [(False, True) if may else (False,) for may in np.any(may_close, axis=0)]
+    for closes in product(*ways):
         hours = (may_close | ~np.array(closes)).all(axis=1)
         if not hours.any():
             continue

@@ -116,7 +116,8 @@ def moving_groups(
             case, rows, prepared(case).groups.members if members is None else members
         )
     else:
-        moving = _of_shade(case, panes, rows)
+        at_most = {g: mixtures.shares.max(axis=0) for g, mixtures in chosen.hourly.items()}
+        moving = _of_shade(case, panes, rows, {**chosen.constant, **at_most})
     for g, mixtures in chosen.hourly.items():
         by_hour = _hours(names.names[g], mixtures, time)
         moving.append(MovingGroup(names.names[g], mixtures.names, ((g, mixtures.shares),), by_hour))
@@ -145,15 +146,27 @@ def _table(first: np.ndarray, fills: tuple[int, ...]) -> np.ndarray:
     return np.stack([first, *np.eye(len(first), dtype=np.float32)[[*fills]]])
 
 
-def _of_shade(case: Case, panes: PaneGroups, first: Mapping[int, np.ndarray]) -> list[MovingGroup]:
-    """Openings whose clear parts the shade covers, façade by façade."""
+def _of_shade(
+    case: Case, panes: PaneGroups, first: Mapping[int, np.ndarray], bare: Mapping[int, np.ndarray]
+) -> list[MovingGroup]:
+    """Openings whose clear parts the shade covers, façade by façade.
+
+    `bare` are the shares of openings that no shade covers: the sun that comes in by another façade
+    closes none.
+    """
     if case.shading is None:
         return []
     by_facade: dict[str, list[tuple[int, np.ndarray]]] = {}
-    clear_as_drawn = clear_panes(case, panes)
-    for g, row in first.items():
+    facades, clear_as_drawn = set[str](), clear_panes(case, panes)
+    by_space = case.shading.by_space and panes.spaces
+    for g, row in {**first, **bare}.items():
         clear = np.array([clear_as_drawn[g], *map(shade_covers, panes.materials[g])])
         if not row[clear].any():
+            continue
+        space = next(iter(panes.spaces[g]), "") if by_space else ""
+        names = [facade_name(space, facing) for facing in panes.facings[g][:1]]
+        facades |= {*names}
+        if g in bare:
             continue
         fills, shade = panes.states.states[g], case.shading.material
         if shade not in fills[1:]:
@@ -161,12 +174,9 @@ def _of_shade(case: Case, panes: PaneGroups, first: Mapping[int, np.ndarray]) ->
             raise InputError("drawn", panes.states.names[g], got, "name it among its fills")
         closed = np.where(clear, 0, row)
         closed[fills.index(shade)] += row[clear].sum()
-        by_space = case.shading.by_space and panes.spaces
-        space = next(iter(panes.spaces[g]), "") if by_space else ""
-        for facing in panes.facings[g][:1]:
-            name = facade_name(space, facing)
+        for name in names:
             by_facade.setdefault(name, []).append((g, np.stack([row, closed])))
-    if case.shading.groups == "together" or (len(by_facade) < 2 and not any(panes.spaces)):
+    if case.shading.groups == "together" or (len(facades) < 2 and not any(panes.spaces)):
         parts = tuple(part for of_facade in by_facade.values() for part in of_facade)
         shade_of_all = GroupStates.of_shade()
         return [MovingGroup(shade_of_all.names[0], shade_of_all.states[0], parts)] if parts else []

@@ -34,7 +34,7 @@ LEAST = 6
 """Least number of different façades that are simulated together; fewer cost less one by one."""
 MEMORY = 3 << 30
 """Largest memory of light by element [bytes]; more rows are cut into parts."""
-OWN = ("name", "facade", "materials", "shading", "design", "views", "metrics", "output")
+OWN = ("name", "facade", "materials", "shading", "design", "views", "metrics")
 """Tables in which rows that share light may differ."""
 
 

@@ -261,8 +261,9 @@ class BlockFolder:
         """Remove temporary files of processes that were killed."""
         for folder in self._keys():
             for file in folder.glob(".*"):
-                if time.time() - file.stat().st_mtime > ABANDONED:
-                    file.unlink(missing_ok=True)
+                with contextlib.suppress(FileNotFoundError):  # another run has removed it
+                    if time.time() - file.stat().st_mtime > ABANDONED:
+                        file.unlink()
 
 
 @dataclass(frozen=True)
@@ -280,8 +281,11 @@ class CacheEntry:
     def of(cls, folder: Path) -> CacheEntry | None:
         """Entry of a folder; None where it holds no block."""
         files = sorted(folder.glob("*.zip"))
+        try:
+            states = [file.stat() for file in files]
+        except FileNotFoundError:  # another run removes it
+            return None
         if not files:
             return None
-        states = [file.stat() for file in files]
         about = str(attributes_of(files[0]).get("about", "damaged"))
         return cls(folder, about, sum(s.st_size for s in states), max(s.st_mtime for s in states))

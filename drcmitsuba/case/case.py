@@ -273,7 +273,7 @@ class Case(Table):
 
         A case with the same tables is itself: what was found out about it stays known.
         """
-        same = all(getattr(self, name) == value for name, value in tables.items())
+        same = all(_are_same(getattr(self, name), value) for name, value in tables.items())
         return self if same else self._copied(tables)
 
     def _copied(self, tables: Mapping[str, object]) -> Case:
@@ -316,3 +316,9 @@ class Case(Table):
         if file is None:
             return self
         return self.with_tables(weather=WeatherFile(file=Path(file).absolute()))
+
+
+def _are_same(own: object, other: object) -> bool:
+    """Whether two tables have the same values, and the same ones of them were stated."""
+    stated = (getattr(table, "model_fields_set", None) for table in (own, other))
+    return own == other and next(stated) == next(stated)

@@ -6,6 +6,7 @@ import copy
 import csv
 import itertools
 import math
+import re
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,9 +25,12 @@ qmc = lazy.module("scipy.stats.qmc")
 MOST_ROWS = 100_000
 """Largest number of rows."""
 
+PART = re.compile(r'"([^"]+)"|([^."]+)')
+"""Part of a key; in quotes, as in TOML, it may hold dots."""
 Value = bool | int | float | str
 Row = dict[str, Any]
-"""Values by key, such as "metrics.sda_threshold" or "facade.south.strips.0.material"."""
+"""Values by key, such as `metrics.sda_threshold`, `facade.south.strips.0.material` or
+`materials."glass 0.64".transmittance`."""
 
 
 class Sample(Table):
@@ -166,7 +170,10 @@ def _value(text: str) -> Value:
 def _set(tables: dict[str, Any], key: str, value: Any) -> None:
     """Set a value by its key, making the tables on its way."""
     at: Any = tables
-    *way, last = key.split(".")
+    parts = [quoted or plain for quoted, plain in PART.findall(key)]
+    if not parts:
+        raise InputError("study", key, "no name", "give a key such as metrics.sda_threshold")
+    *way, last = parts
     for name in way:
         at = _entry(at, name, key)
     if isinstance(at, list):

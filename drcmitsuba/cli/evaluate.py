@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -168,18 +169,19 @@ def evaluate(
 ) -> None:
     """Evaluate a year: illuminance, sDA, ASE, msDA, MSE, plots."""
     if variants is not None:
-        of_one = {
+        _refuse_beside("--variants", {
             "--coefficients": coefficients, "--cache": cache, "--memory": memory,
             "--workers": workers, "--scheduler": scheduler, "--block": block, "--spaces": spaces,
-        }  # fmt: skip
-        for name, value in of_one.items():
-            if value is not None:
-                remedy = "give one of them"
-                raise InputError("command line", name, "beside --variants", remedy)
+        })  # fmt: skip
         _evaluate_variants(case, variants.split(","), output, weather)
         return
+    chosen = load(case, weather).with_spaces(spaces.split(",") if spaces else ())
     if block is not None:
-        _make_part(load(case, weather), block, cache)
+        _refuse_beside("--block", {
+            "--coefficients": coefficients, "--memory": memory, "--workers": workers,
+            "--scheduler": scheduler,
+        })  # fmt: skip
+        _make_part(chosen, block, cache)
         return
     from drcmitsuba import evaluate_within
     from drcmitsuba.annual.workers import opened
@@ -190,7 +192,6 @@ def evaluate(
     from drcmitsuba.runtime.folder_lock import locked
 
     most = None if memory is None else byte_size(memory, "--memory")
-    loaded = load(case, weather).with_spaces(spaces.split(",") if spaces else ())
     known = None
     if coefficients is not None:
         known = stored_arrays.open_dataset(coefficients, "replicates", "straight", "state")
@@ -202,10 +203,17 @@ def evaluate(
         with stages() as stage:
             work = importing(stage, *FOR_METRICS, *FOR_FILES)
             with opened(workers, scheduler) as others:
-                result = evaluate_within(loaded, work, known, blocks, most, others)
+                result = evaluate_within(chosen, work, known, blocks, most, others)
             result.save(output, stage)
         blocks.finish()
     _show_result(result, output)
+
+
+def _refuse_beside(option: str, others: Mapping[str, object]) -> None:
+    """Refuse other options, values by name, beside one that leaves them out."""
+    for name, value in others.items():
+        if value is not None:
+            raise InputError("command line", name, f"beside {option}", "give one of them")
 
 
 def _make_part(case: Case, block: str, cache: Path | None) -> None:

@@ -242,8 +242,16 @@ class Model:
     def shape(self) -> ModelShape:
         """All that does not depend on the values of its materials."""
         layers = tuple(layer.shape for layer in self.layers)
-        spaces = tuple(space.shape for space in self.spaces)
-        return ModelShape(content_key(layers, self.grids, spaces, self.north), self)
+        return ModelShape(content_key(layers, self.grids, self._shapes, self.north), self)
+
+    @property
+    def _shapes(self) -> tuple[Any, ...]:
+        return tuple(space.shape for space in self.spaces)
+
+    @cached_property
+    def digest(self) -> str:
+        """Digest of all that light depends on."""
+        return content_key(self.layers, self.grids, self._shapes, self.north)
 
     @cached_property
     def polished(self) -> tuple[str, ...]:

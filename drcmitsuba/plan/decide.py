@@ -230,7 +230,9 @@ def shaded_state(facts: Facts) -> Effect:
     scheduled = [name for name, group in case.groups.items() if group.schedule is not None]
     if scheduled:
         return Effect(True, f"{', '.join(scheduled)} follow a schedule")
-    threshold, _ = case.shade_rule
+    threshold, area = case.shade_rule
+    if area == 0:
+        return Effect(True, "shades close at all hours: their rule asks for no sensor in the sun")
     if not isinstance(case.sun, TrueSun | Adaptive):
         hours = int((facts.light.every.sky["sun"].values > 0).sum())
         reason = (

@@ -134,6 +134,8 @@ class _Stamps(NamedTuple):
     clock: np.ndarray
     rows: np.ndarray
     sun_time: str
+    step: float
+    """Length of the interval that each counts as [h]."""
 
 
 def _stamps(case: Case, w: weather.Weather, times: np.ndarray | None) -> _Stamps:
@@ -143,7 +145,7 @@ def _stamps(case: Case, w: weather.Weather, times: np.ndarray | None) -> _Stamps
         with _of(case, "period"):
             times, clock = period(case.period).select(starts, w.step)
         sun_time = w.data.attrs.get("sun_time", "middle")
-        return _Stamps(times, clock, np.searchsorted(starts, times), sun_time)
+        return _Stamps(times, clock, np.searchsorted(starts, times), sun_time, w.step)
     source: object = "command line"
     if times is None:
         assert case.period.timestamps is not None
@@ -158,7 +160,15 @@ def _stamps(case: Case, w: weather.Weather, times: np.ndarray | None) -> _Stamps
     if len(np.unique(times.astype("datetime64[m]"))) < len(times):
         got = "two time stamps in one minute"
         raise InputError(source, "time", got, "give one a minute at most")
-    return _Stamps(times, times, rows, "instant")
+    return _Stamps(times, times, rows, "instant", min(w.step, _least_gap(times)))
+
+
+def _least_gap(times: np.ndarray) -> float:
+    """Least gap between time stamps of one day [h]."""
+    in_order = np.sort(times)
+    days = in_order.astype("datetime64[D]")
+    gaps = np.diff(in_order)[days[1:] == days[:-1]] / np.timedelta64(1, "h")
+    return float(gaps.min(initial=np.inf))
 
 
 def sky_luminance(case: Case, time: np.datetime64, directions: np.ndarray) -> np.ndarray:
@@ -217,7 +227,7 @@ def daylight(case: Case, times: np.ndarray | None = None) -> Daylight:
     """
     w = weather_of(case)
     light = _of_stamps(case, w, _stamps(case, w, times))
-    return replace(light, notes=_notes(case, w, light.sky))
+    return replace(light, notes=_notes(case, w, light.sky, light.step_hours))
 
 
 def daylight_and_year(case: Case) -> Daylight:
@@ -232,20 +242,21 @@ def daylight_and_year(case: Case) -> Daylight:
     seasonal = case.period.timestamps is not None or len(case.period.months) < 12
     if seasonal or not whole or len(own.times) == len(starts):
         light = _of_stamps(case, w, own)
-        return replace(light, notes=_notes(case, w, light.sky))
+        return replace(light, notes=_notes(case, w, light.sky, light.step_hours))
     year = _of_stamps(case, w, _stamps(case.with_tables(period=case.period.of_year()), w, None))
     sky, sun = (data.isel(time=own.rows) for data in (year.sky, year.sun))
-    return replace(year, sky=sky, sun=sun, notes=_notes(case, w, sky), year=year)
+    return replace(year, sky=sky, sun=sun, notes=_notes(case, w, sky, w.step), year=year)
 
 
-def _notes(case: Case, w: weather.Weather, light: xr.Dataset) -> tuple[str, ...]:
-    """Remarks on the weather, the place and the period of a sky."""
-    return (*w.notes, *notes_on(w), *place_notes(case, w.site), *period_notes(case, light, w))
+def _notes(case: Case, w: weather.Weather, light: xr.Dataset, step: float) -> tuple[str, ...]:
+    """Remarks on the weather, the place and the period of a sky; a time stamp is a `step` [h]."""
+    of_period = period_notes(case, light, w, step)
+    return (*w.notes, *notes_on(w), *place_notes(case, w.site), *of_period)
 
 
 def _of_stamps(case: Case, w: weather.Weather, stamps: _Stamps) -> Daylight:
     """Sky and suns of some time stamps, without remarks."""
-    times, clock, rows, sun_time = stamps
+    times, clock, rows, sun_time, step = stamps
     with _of(case, "sky"):
         model = sky_model(case)
     data = w.data.isel(time=rows).assign_coords(time=times)
@@ -271,7 +282,7 @@ def _of_stamps(case: Case, w: weather.Weather, stamps: _Stamps) -> Daylight:
     if blend is not None:
         light["blend_bin"] = (("time", "blend"), blend.bins)
         light["blend_weight"] = (("time", "blend"), blend.weights)
-    return Daylight(light, sun, sources, w.step, w.source)
+    return Daylight(light, sun, sources, step, w.source)
 
 
 def _sun_sources(case: Case, light: xr.Dataset, sun: xr.Dataset) -> tuple[Suns, Blend | None]:

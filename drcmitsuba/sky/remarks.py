@@ -49,15 +49,18 @@ def _missing_hours(case: Case, w: Weather, stamps: int) -> list[str]:
     ]
 
 
-def period_notes(case: Case, sky: xr.Dataset, w: Weather) -> tuple[str, ...]:
-    """Remarks on a period that is no whole year, and on hours without daylight."""
-    step_hours, stamps = w.step, sky.sizes["time"]
+def period_notes(case: Case, sky: xr.Dataset, w: Weather, step_hours: float) -> tuple[str, ...]:
+    """Remarks on a period that is no whole year, and on hours without daylight.
+
+    A time stamp counts as `step_hours` [h].
+    """
+    stamps = sky.sizes["time"]
     months, limit = len(case.period.months), case.metrics.ase_hours
     notes = [] if case.period.timestamps is not None else _missing_hours(case, w, stamps)
     if case.period.timestamps is not None or months < 12:
         part = f"{stamps * step_hours:g} h in {months} of 12 months"
         if case.period.timestamps is not None:
-            part = f"{stamps} time stamps"
+            part = f"{stamps} time stamps of {60 * step_hours:g} min each"
         notes.append(f"the period is {part}, no year: the {limit:g} h of ASE are not scaled to it")
     dark = int(((sky["sun"].values <= 0) & ~np.any(sky["sky"].values > 0, axis=1)).sum())
     if dark > DARK_SHARE * stamps:

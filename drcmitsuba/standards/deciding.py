@@ -130,7 +130,7 @@ def deciding(
         return Deciding(limit.quantity, holds, hours, "h", [], 0, months, clock, factor)
     if quantity.of == "moments":
         return _at_moments(limit, counted, value, year, space)
-    sensors = np.arange(len(year.space)) if space is None else counted.of_space(space)
+    sensors = np.flatnonzero(year.space >= 0) if space is None else counted.of_space(space)
     margin = counted.hours[sensors] - needed
     share = year.area[sensors] / year.area[sensors].sum()
     nearest = np.argsort(np.where((margin >= 0) == holds, np.abs(margin), np.inf), kind="stable")
@@ -169,7 +169,7 @@ def _at_moments(
     limit: Limit, counted: Counted, value: float, year: StandardYear, space: int | None
 ) -> Deciding:
     """Count the points by which a share at moments holds or fails."""
-    sensors = np.arange(len(counted.space)) if space is None else counted.of_space(space)
+    sensors = np.flatnonzero(counted.space >= 0) if space is None else counted.of_space(space)
     passes = (counted.hours >= counted.needed_hours)[sensors]
     holds = value >= limit.at_least - TINY
     # The largest ones first: so few points would suffice.

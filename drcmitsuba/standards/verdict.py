@@ -304,6 +304,8 @@ def _notes(standard: Standard, year: StandardYear) -> list[str]:
     notes = []
     if standard.hours == "equinox":
         notes.append(clearest_days(year.illuminance))
+    if outside := int(np.count_nonzero(year.space < 0)):
+        notes.append(f"{outside} points lie in no space and are left out")
     if year.replicates is None:
         notes.append("no probability: coefficients.zarr and sky.zarr hold the replicates")
     elif standard.shade and year.varies:

@@ -60,8 +60,8 @@ class StandardYear:
 
     @cached_property
     def space(self) -> np.ndarray:
-        """Index of every sensor's space, shape (sensor,)."""
-        out = np.empty(self.illuminance.sizes["sensor"], np.int64)
+        """Index of every sensor's space, −1 where it lies in none, shape (sensor,)."""
+        out = np.full(self.illuminance.sizes["sensor"], -1)
         for i, sensors in enumerate(self.spaces.values()):
             out[sensors] = i
         return out
@@ -72,7 +72,7 @@ class StandardYear:
 
         A space's floor is shared by its sensors as `area_shares` says; the floor is that which the
         evaluation tells, else the squares of the spacings of its grids. All are 1 where they hardly
-        differ.
+        differ; sensors in no space stand for none.
         """
         E, sets = self.illuminance, list(self.spaces.values())
         floors = np.array([space.floor_area for space in sensors_by_space(E)])
@@ -80,22 +80,27 @@ class StandardYear:
             apart = np.array([*spacings(E).values()]) if len(sets) > 1 else np.ones(1)
             sizes = np.array([len(sensors) for sensors in sets])
             floors = sizes * (apart**2 if np.isfinite(apart).all() else 1.0)
-        out = np.ones(E.sizes["sensor"])
+        out = np.zeros(E.sizes["sensor"])
         shares = area_shares(E, sets)
         for floor, sensors, own in zip(floors, sets, shares, strict=True):
             out[sensors] = floor * own
-        return out if out.max() > ALIKE**2 * out.min() else np.ones_like(out)
+        told = out[self.space >= 0]
+        return out if told.max() > ALIKE**2 * told.min() else (self.space >= 0).astype(float)
 
     @cached_property
     def space_areas(self) -> np.ndarray:
         """Floor area of every space in the unit of `area`, shape (space,)."""
-        return np.bincount(self.space, self.area)
+        return self._by_space(self.area)
 
     def share(self, passed: np.ndarray) -> tuple[float, np.ndarray]:
         """Share of the floor whose sensors passed (sensor,): of all, and of each space [%]."""
-        held = np.bincount(self.space, self.area * passed, len(self.spaces))
+        held = self._by_space(self.area * passed)
         by_space = 100.0 * held / self.space_areas
         return 100.0 * float(held.sum()) / float(self.space_areas.sum()), by_space
+
+    def _by_space(self, areas: np.ndarray) -> np.ndarray:
+        """Sums of areas (sensor,), 0 in no space, by space."""
+        return np.bincount(np.maximum(self.space, 0), areas, len(self.spaces))
 
     def mean(self, values: np.ndarray, space: int) -> np.ndarray:
         """Mean over a space's floor of values (time, sensor), shape (time,)."""

@@ -1,14 +1,19 @@
 """Sampling until a target is reached: what the rounds come to, and when they end."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import xarray as xr
 
 import drcmitsuba
 from drcmitsuba import load_case
+from drcmitsuba.annual import adaptive_sampling
 from drcmitsuba.annual.adaptive_sampling import of_hours
+from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.sample_accumulator import SampleAccumulator
 from drcmitsuba.case.accuracy import Accuracy, Target
+from drcmitsuba.case.groups import OPEN, SHADED
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import checked
 from tests.system.test_evaluate import changed
@@ -192,3 +197,21 @@ def test_a_target_that_is_met_at_once_costs_nothing(evaluate):
     assert result.metrics["accuracy"]["rounds"] == 1
     plain = evaluate().illuminance["total"]
     np.testing.assert_allclose(result.illuminance["total"], plain, rtol=1e-5)
+
+
+def test_a_state_that_no_draw_takes_any_more_gets_no_round(monkeypatch):
+    """Its suns may be other ones than those of the hours that were asked for."""
+    light = SimpleNamespace(sky=xr.Dataset(coords={"time": np.arange(3)}))
+    samples = {state: SimpleNamespace(add=lambda *_: None) for state in (OPEN, SHADED, "gone")}
+    case = SimpleNamespace(accuracy=Accuracy())
+    sampling = adaptive_sampling._Sampling(case, light, Run(seed=0), None, samples)
+    asked = {}
+    monkeypatch.setattr(adaptive_sampling, "sources", lambda sky: sky["time"].values.tolist())
+    monkeypatch.setattr(
+        adaptive_sampling._Sampling, "transport",
+        lambda self, state, labels, *_, **__: asked.setdefault(state, labels),
+    )  # fmt: skip
+    possible = {SHADED: np.array([False, True, True])}
+    evaluated = SimpleNamespace(draws=SimpleNamespace(possible=possible))
+    sampling.add_round(1, evaluated, np.arange(2), np.array([0, 1]))
+    assert asked == {OPEN: [0, 1], SHADED: [1]}

@@ -247,3 +247,15 @@ def test_what_is_drawn_is_no_further_fill(tmp_path):
     case = case_of(tmp_path, more=EAST + OPAL)
     openings = openings_of(case, ["glass", "opal"]).states
     assert openings.states == (("open", "shade", "opal"), ("open", "glass"))
+
+
+@pytest.mark.parametrize("hourly", [False, True])
+def test_sun_by_a_bare_window_closes_no_shade_of_another_façade(clear, hourly):
+    """The sun in the bare eastern window closes no shade of the south in the morning."""
+    time = clear.daylight.sky["time"]
+    bare = xr.DataArray(np.full(len(time), "glass"), {"time": time.values}, ["time"])
+    south, east = clear.openings
+    both = clear.evaluate().metrics["groups"]
+    alone = clear.evaluate({east: bare if hourly else "glass"}).metrics["groups"]
+    assert alone[south] == both[south]
+    assert both[south]["shaded"] != both[east]["shaded"]

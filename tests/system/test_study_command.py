@@ -257,3 +257,19 @@ def test_many_stored_blocks_have_few_lines(tmp_path):
         before.tell_once("room, open", [file])
     assert len(lines) == MOST_LINES + 1
     assert lines[-1] == f"further blocks of {tmp_path} are used or made again without a line each"
+
+
+def test_a_part_of_a_key_in_quotes_may_hold_dots(tmp_path):
+    """As names of Honeybee's materials do."""
+    name = "glass 0.65"
+    (tmp_path / "case.toml").write_text(TEXT.replace('"glass"', f'"{name}"').replace(
+        "materials.glass]", f'materials."{name}"]'
+    ))  # fmt: skip
+    keys = f"""case = "case.toml"\n[grid]\n'materials."{name}".transmittance' = [0.2, 0.4]\n"""
+    (tmp_path / "study.toml").write_text(keys)
+    plan = load_study(tmp_path / "study.toml")
+    cases = [plan.case_of(row) for row in plan.each()]
+    assert [case.materials[name].transmittance for case in cases] == [0.2, 0.4]
+    assert set(cases[0].materials) == set(load_case(tmp_path / "case.toml").materials)
+    with pytest.raises(InputError, match="no name"):
+        plan.case_of({".": 1})

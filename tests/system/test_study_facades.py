@@ -251,3 +251,12 @@ def _higher(case):
     facade = case.facade["south"]
     strips = (facade.strips[0].model_copy(update={"bottom": 1.2}),)
     return case.with_tables(facade={"south": facade.model_copy(update={"strips": strips})})
+
+
+def test_rows_of_other_spaces_share_no_light(cases):
+    """Metrics of one space are none of another's."""
+    some = [case.with_spaces(["A"]) for case in cases]
+    others = [case.with_spaces(["B"]) for case in cases]
+    rows = [(number, case, "weather") for number, case in enumerate([*some, *others])]
+    half = len(cases)
+    assert together(rows) == [[*range(half)], [*range(half, 2 * half)]]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import drcmitsuba
+from drcmitsuba.annual.tradeoff import finer_samples
 from drcmitsuba.annual.tradeoff.errors import Yardstick
 from drcmitsuba.annual.tradeoff.finer_samples import is_called_for, sample_reference
 from drcmitsuba.annual.tradeoff.path_tracing import trace_reference
@@ -57,3 +58,10 @@ def test_states_have_numbers(tmp_path):
     rule = rule_of(case_of(tmp_path, "groups"))
     indices = np.array([[0, 0], [2, 0], [0, 1], [1, 1]])
     assert number_of(rule.groups, indices).tolist() == [0, 2, 3, 4]
+
+
+def test_a_finer_round_has_the_sensors_of_the_case(tmp_path):
+    case = case_of(tmp_path, "groups").with_spaces(["Office"])
+    finer = finer_samples._finer(case, 0)
+    assert finer.output.spaces == ("Office",)
+    assert finer.output.illuminance == "auto"

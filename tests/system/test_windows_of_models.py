@@ -469,6 +469,22 @@ def test_a_table_of_windows_counts_in_the_origin_of_a_result(tmp_path):
     assert marks[0] == marks[1] != marks[2]
 
 
+def test_a_file_that_a_models_file_calls_for_counts_in_the_origin_of_a_result(tmp_path):
+    (tmp_path / "scene.rad").write_text("!xform -t 0 0 1 inner.rad\n")
+    (tmp_path / "case.toml").write_text(
+        '[model]\nfiles = ["scene.rad"]\nleaks = "allow"\n'
+        "[sensors]\ncorner = [0.5, 0.5, 0.5]\ncount = [1, 1]\n"
+    )
+    marks = []
+    for reflectance in (0.5, 0.5, 0.05):
+        polygon = "paint polygon wall 0 0 12  0 0 0  1 0 0  1 1 0  0 1 0\n"
+        paint = f"void plastic paint 0 0 5 {reflectance} {reflectance} {reflectance} 0 0\n"
+        (tmp_path / "inner.rad").write_text(paint + polygon)
+        case = drcmitsuba.load_case(tmp_path / "case.toml")
+        marks.append(attributes.fingerprint(case, ALL_EFFECTS))
+    assert marks[0] == marks[1] != marks[2]
+
+
 @pytest.mark.slow
 def test_one_space_may_count_alone_by_its_worst_month(tmp_path):
     """Two rooms, of which one counts and gets windows, against an evaluation of what is found."""

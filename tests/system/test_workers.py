@@ -175,6 +175,28 @@ def test_unfit_arguments_are_told_in_a_line(arguments, words, tmp_path, monkeypa
     assert [path.name for path in tmp_path.iterdir()] == ["case.toml"]
 
 
+@pytest.mark.parametrize(
+    "further", [["--memory", "1 GiB"], ["--workers", "2"], ["--coefficients", "c.zarr"]]
+)
+def test_a_part_takes_the_options_that_it_follows(further, tmp_path, monkeypatch, capsys):
+    (tmp_path / "case.toml").write_text(TINY)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as stop:
+        run(monkeypatch, "evaluate", "case.toml", "--cache", "c", "--block", "1/2", *further)
+    assert stop.value.code == 2
+    assert f"command line: {further[0]}: beside --block; give one" in capsys.readouterr().err
+
+
+def test_a_part_is_of_the_chosen_spaces(tmp_path, monkeypatch):
+    (tmp_path / "case.toml").write_text(TINY)
+    made = []
+    name = "drcmitsuba.annual.block_parts.make_part"
+    monkeypatch.setattr(name, lambda case, *_: made.append(case))
+    arguments = ("--cache", tmp_path / "c", "--block", "1/2", "--spaces", "A,B*")
+    run(monkeypatch, "evaluate", tmp_path / "case.toml", *arguments)
+    assert made[0].output.spaces == ("A", "B*")
+
+
 def test_a_part_beside_groups_or_an_adaptive_sun_is_refused(tmp_path, monkeypatch, capsys):
     case = tmp_path / "case.toml"
     case.write_text(TINY.replace("[accuracy]", "[sun]\nmodel = 'adaptive'\n[accuracy]"))

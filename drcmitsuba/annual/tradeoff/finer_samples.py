@@ -26,7 +26,6 @@ from drcmitsuba.annual.tradeoff.reference import (
 )
 from drcmitsuba.annual.tradeoff.settings import default, times_samples
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.output import Output
 from drcmitsuba.model.materials import Lambertian
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene.components import place
@@ -105,7 +104,7 @@ def _finer(case: Case, number: int) -> Case:
         accuracy=times_samples(base.accuracy, SAMPLES).model_copy(update=own),
         sky=base.sky.model_copy(update={"subdivision": SUBDIVISION}),
         effects=base.effects.model_copy(update={"solved_cells": "off"}),
-        output=Output(),
+        output=base.output.model_copy(update={"illuminance": "auto"}),
     )
 
 

@@ -5,6 +5,7 @@ import os
 import sys
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -109,6 +110,22 @@ def test_pruning_removes_what_was_not_used_for_longest(cache):
     assert BlockFolder.cache(cache.path).limit == size
     cache.finish()
     assert [e.about for e in cache.entries()] == ["case 0"]
+
+
+def test_pruning_passes_over_what_another_run_removes(cache, monkeypatch):
+    stat = Path.stat
+
+    def vanished(file, **options):
+        if file.suffix in (".zip", ".part"):
+            raise FileNotFoundError(file)
+        return stat(file, **options)
+
+    folder = cache.path / "key"
+    folder.mkdir()
+    for name in ("0.zip", ".1.part"):
+        (folder / name).write_bytes(b"")
+    monkeypatch.setattr(Path, "stat", vanished)
+    assert cache.prune() == 0
 
 
 def test_own_blocks_go_when_the_run_has_ended(tmp_path):

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.facade import Facade
 from drcmitsuba.case.reading import MAX_BYTES, load_case
@@ -320,3 +321,12 @@ def test_the_json_schema_describes_the_tables_and_is_valid():
     references = {part for part in json.dumps(schema).split('"') if part.startswith("#/$defs/")}
     assert references == {f"#/$defs/{name}" for name in schema["$defs"]}
     assert "frame" in schema["$defs"][Facade.__name__]["properties"]
+
+
+def test_a_table_that_states_more_is_another_one():
+    """Numbers of samples that are stated hold; those by default follow the number of points."""
+    case = Case.model_validate({"sensors": {"corner": (0, 0, 1), "count": (2, 2)}})
+    assert case.with_tables(accuracy=Accuracy()) is case
+    stated = case.with_tables(accuracy=Accuracy(paths=Accuracy().paths))
+    assert stated is not case
+    assert stated.accuracy.model_fields_set == {"paths"}

@@ -51,6 +51,17 @@ def test_a_north_room_in_winter_sees_no_sun_and_the_plan_tells_by_how_much():
     assert f"largest n·s = {suns.quantities['largest_ns']:.2f}" in suns.reason
 
 
+def test_a_rule_that_asks_for_no_sun_closes_under_any_sky():
+    site = {"latitude": 46.0, "longitude": 6.0, "timezone": 1}
+    shading, cloth = {"material": "cloth"}, {"type": "diffuser", "transmittance": 0.1}
+    tables = {
+        "sky": {"model": "cie", "type": "overcast"}, "site": site,
+        "materials": {**ROOM.get("materials", {}), "cloth": cloth},
+    }  # fmt: skip
+    assert not planned(**tables, shading=shading).effects["shaded_state"].on
+    assert planned(**tables, shading=shading | {"area": 0.0}).effects["shaded_state"].on
+
+
 def test_an_overcast_sky_has_no_sun():
     site = {"latitude": 46.0, "longitude": 6.0, "timezone": 1}
     decided = planned(sky={"model": "cie", "type": "overcast"}, site=site)

@@ -33,8 +33,26 @@ def test_hours_without_daylight_are_remarked_upon(hours, dark):
 def test_own_time_stamps_are_no_year(tmp_path):
     (tmp_path / "stamps.csv").write_text("time\n2015-06-21T12:00\n2015-06-21T23:00\n")
     year, dark = notes_of(timestamps=tmp_path / "stamps.csv")
-    assert year.startswith("the period is 2 time stamps, no year")
+    assert year.startswith("the period is 2 time stamps of 60 min each, no year")
     assert dark == "1 of 2 time stamps have no daylight; sDA and msDA count them"
+
+
+@pytest.mark.parametrize(
+    ("stamps", "step"),
+    [
+        (["06-21T12:00"], 1.0),
+        (["06-21T11:45", "06-21T12:00", "06-22T12:05"], 0.25),
+        (["06-21T09:00", "06-21T12:00"], 1.0),  # no more than the weather's own
+        (["06-21T23:50", "06-22T00:10"], 1.0),  # of two days
+    ],
+)
+def test_a_time_stamp_counts_as_the_least_gap_of_a_day(tmp_path, stamps, step):
+    text = "".join(f"2015-{stamp}\n" for stamp in stamps)
+    (tmp_path / "stamps.csv").write_text("time\n" + text)
+    sensors = {"corner": (0, 0, 1), "count": (2, 2)}
+    period = {"timestamps": tmp_path / "stamps.csv"}
+    light = daylight(Case.model_validate({"sensors": sensors, "period": period}))
+    assert light.step_hours == step
 
 
 DENVER = Site("Denver", 39.76, -104.86, -7, 1600)

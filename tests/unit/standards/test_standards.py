@@ -1,5 +1,7 @@
 """Standards as data, and their verdicts on years whose light is known."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -521,3 +523,30 @@ def test_a_verdict_says_what_the_case_lacks():
     assert margin.startswith("sDA at 300 lx")
     assert condition == leed.conditions[0]
     assert leed.conditions[0] not in "".join(map(str, verdicts._short(european)))
+
+
+def test_points_in_no_space_are_left_out():
+    """Their light counts nowhere, a note tells how many they are, and the others' verdict holds."""
+    known = evidence(np.tile([0.3, 0.01], 50), 0.02, rooms=2)
+    names = np.repeat(["room 1", "room 2"], 50).astype(object)
+    rows = [{"name": name, "use": "", "storey": "", "floor_area": 9.0} for name in names[[0, -1]]]
+    told = {"spaces": json.dumps(rows)}
+
+    def at(sensors, spaces):
+        E = known.illuminance.isel(sensor=sensors)
+        E = E.assign_coords(space=("sensor", spaces)).assign_attrs(E.attrs | told)
+        C = known.coefficients.open.isel(sensor=sensors)
+        return standards.Evidence(E, type(known.coefficients)(C), known.sky, known.drawing, "made")
+
+    outside = np.isin(np.arange(100), [3, 4, 60])
+    every = at(np.arange(100), np.where(outside, "", names))
+    some = at(np.flatnonzero(~outside), names[~outside])
+    for name in ("leed-v4.1", "en-17037", "breeam-hea01"):
+        ours, theirs = (standards.verdict(name, one) for one in (every, some))
+        assert ours.stated() == theirs.stated(), name
+        for key, quantity in theirs.quantities.items():
+            assert ours.quantities[key].value == quantity.value, (name, key)
+        numbers = [one.deciding and one.deciding.count for one in (ours, theirs)]
+        assert numbers[0] == numbers[1], name
+        assert "3 points lie in no space and are left out" in ours.notes
+        assert not any("in no space" in note for note in theirs.notes)
