@@ -48,8 +48,8 @@ class PeriodTable(Table):
     daylight_saving: tuple[str, str] | None = None
     """First and last day of daylight-saving time, "MM-DD"; default: no daylight saving."""
     timestamps: Path | None = None
-    """CSV file of time stamps, in place of all other keys; relative to the case file. Each counts as
-    the least gap between stamps of a day, at most as an interval of the weather."""
+    """CSV file of time stamps, in place of all other keys; relative to the case file. Each counts
+    as the least gap between stamps of a day, at most as an interval of the weather."""
 
     def of_year(self) -> PeriodTable:
         """Every hour of the year by the same clock."""

@@ -53,7 +53,9 @@ def metrics_tables(numbers: dict, title: str) -> list[Table]:
 
     settings = numbers.get("settings", {})
     has_shade = bool("shading" in settings or settings.get("groups") or not settings)
-    labels = {"sDA": "sDA", "ASE": "ASE"} | ({"shade_closed": "shade closed"} if has_shade else {})
+    groups = len(numbers.get("groups", {}))
+    closed = f"shade closed, mean of {groups} groups" if groups > 1 else "shade closed"
+    labels = {"sDA": "sDA", "ASE": "ASE"} | ({"shade_closed": closed} if has_shade else {})
     whole = Table(title=escape(title), title_justify="left")
     whole.add_column(period_name(PeriodTable(**settings.get("period", {}))))
     whole.add_column("% (95 % interval)", justify="right")

@@ -18,6 +18,8 @@ from drcmitsuba.model.materials import (
     BsdfMaterial,
     DielectricMaterial,
     DiffuserMaterial,
+    FacedBsdf,
+    FacedBsdfInBand,
     GlazingMaterial,
     Lambertian,
     MirrorMaterial,
@@ -258,7 +260,8 @@ class Tints:
         else:
             red, green, blue = self._mixes[band].tolist()
             mix = red, green, blue
-        return BsdfInBand(**film.model_dump(), mix=mix)
+        kind = FacedBsdfInBand if isinstance(film, FacedBsdf) else BsdfInBand
+        return kind(**film.model_dump(), mix=mix)
 
     def _error(self, name: str, got: str, remedy: str) -> InputError:
         return InputError(self.case.source, f"colour.spectra.{name}", got, remedy)

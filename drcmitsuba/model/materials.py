@@ -178,11 +178,19 @@ class BsdfMaterial(Table):
     """Whether the pane is mounted upside down."""
 
 
+class FacedBsdf(BsdfMaterial):
+    """Pane with a measured BSDF of a model's own: the corners of its polygons tell its front."""
+
+
 class BsdfInBand(BsdfMaterial):
     """Pane with a measured BSDF in a band of the spectrum."""
 
     mix: tuple[float, float, float]
     """Weights of red, green and blue in the band."""
+
+
+class FacedBsdfInBand(FacedBsdf, BsdfInBand):
+    """Such a pane of a model's own."""
 
 
 class MirrorMaterial(Table):

@@ -41,7 +41,8 @@ def monthly(
     ----------
     metrics : mapping
         As in `metrics.json`: `sDA`, `ASE`, `shade_closed` as `{"value", "low", "high"}` [%], and
-        `msDA`, `MSE`, `shade_closed_monthly` as 12 of these, None for a month without hours.
+        `msDA`, `MSE`, `shade_closed_monthly` as 12 of these, None for a month without hours; those
+        of the shade are means of `groups`, where there are any.
     title : str
         Name of the case, above the panels.
     caption : str
@@ -90,6 +91,8 @@ def monthly(
     if shade:
         closed = f"shade closed for {metrics['shade_closed']['value']:.1f} % of the "
         closed += "year's hours" if period == "year" else "period's hours"
+        if (groups := len(metrics.get("groups", {}))) > 1:
+            closed += f", mean of {groups} groups"
         months.set_title(closed, loc="right", fontsize=10, color=GREY, pad=24)
         style: dict[str, Any] = {"color": GREY, "marker": ".", "linestyle": "--"}
         _line(months, metrics["shade_closed_monthly"], "shade closed, of hours", **style)

@@ -13,7 +13,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.model.materials import BsdfMaterial
+from drcmitsuba.model.materials import FacedBsdf
 from drcmitsuba.model.model import Model, ModelShape, areas
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import even_numbers
@@ -49,7 +49,8 @@ class ModelPanes:
     width: np.ndarray
     """Area over the longer edge of that rectangle [m], shape (polygon,)."""
     quads: tuple[np.ndarray, ...]
-    """Quads of every layer of the model, those of panes with their fronts towards the room."""
+    """Quads of every layer of the model, those of panes with their fronts towards the room; films
+    of the model's own keep the fronts that they have."""
 
 
 def panes_of_model(model: Model) -> ModelPanes:
@@ -85,16 +86,19 @@ def _panes_of(shape: ModelShape) -> ModelPanes:
     escaping = _escaping(model, members)
     front, frames, width = [], [], []
     for (i, _, own), (before, behind) in zip(members, escaping, strict=True):
-        # A film's file says which side is which: its panes keep the front that they have.
-        if before > behind and not isinstance(model.layers[i].material, BsdfMaterial):
-            turned[i][own] = reversed_quads(turned[i][own])
-        front.append(normals(turned[i][own[:1]])[0])
+        inward = normals(turned[i][own[:1]])[0]
+        if before > behind:
+            inward = -inward
+            # Of a film of the model's own, the corners say which side is which.
+            if not isinstance(model.layers[i].material, FacedBsdf):
+                turned[i][own] = reversed_quads(turned[i][own])
+        front.append(inward)
         frames.append(rectangle_around(turned[i][own].reshape(-1, 3), front[-1]))
         longest = np.linalg.norm(frames[-1][[1, 3]] - frames[-1][0], axis=1).max()
         width.append(areas(turned[i][own]).sum() / longest)
     is_outside = escaping.max(axis=1) > AWAY
-    inward = np.array(front) @ turn(-model.north).T
-    facing = tuple(map(side_name, inward, is_outside.tolist()))
+    turned_north = np.array(front) @ turn(-model.north).T
+    facing = tuple(map(side_name, turned_north, is_outside.tolist()))
     of_layer, polygon = (np.array([member[k] for member in members]) for k in (0, 1))
     return ModelPanes(
         of_layer,

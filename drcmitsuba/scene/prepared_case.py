@@ -12,6 +12,7 @@ import xarray as xr
 from drcmitsuba.case.case import Case
 from drcmitsuba.model.model import View
 from drcmitsuba.model.space import Space, space_at
+from drcmitsuba.runtime import backend
 from drcmitsuba.scene.geometry import origin, rotation
 from drcmitsuba.scene.like_panes import tells_spaces
 from drcmitsuba.scene.pane_groups import PaneGroups
@@ -140,4 +141,6 @@ def _prepared(key: _SameTables) -> PreparedCase:
 
 def prepared(case: Case) -> PreparedCase:
     """Make a case ready, once for each case; cases that differ in `UNREAD` tables share it."""
+    if case.model is not None and mi.variant() is None:  # rays find the sensors of a model
+        backend.select()
     return _prepared(_SameTables(case))

@@ -7,7 +7,7 @@ import numpy as np
 from drcmitsuba.model import radiance_materials
 from drcmitsuba.model.honeybee.bsdf_files import BsdfFiles
 from drcmitsuba.model.honeybee.entries import JsonEntry
-from drcmitsuba.model.materials import BsdfMaterial, Lambertian, SurfaceMaterial
+from drcmitsuba.model.materials import FacedBsdf, Lambertian, SurfaceMaterial
 from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.radiance_materials import Colour, Note
 
@@ -106,4 +106,4 @@ def _bsdf(modifier: JsonEntry, bsdf: BsdfFiles, notes: Notes) -> SurfaceMaterial
         remedy = "turn the file, so that its y axis is vertical"
         raise modifier.refuse("up_orientation", f"{x:g} {y:g} {z:g}", remedy)
     notes.add("BSDF files have their y axis upright; on horizontal panes, along y", modifier.place)
-    return BsdfMaterial(type="bsdf", file=bsdf.file(modifier), turn=bool(z < 0))
+    return FacedBsdf(type="bsdf", file=bsdf.file(modifier), turn=bool(z < 0))

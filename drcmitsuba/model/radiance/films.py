@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drcmitsuba.model.materials import BsdfMaterial
+from drcmitsuba.model.materials import BsdfMaterial, FacedBsdf
 from drcmitsuba.model.radiance import expression
 from drcmitsuba.model.radiance.definitions import Definition
 from drcmitsuba.model.radiance.text import Primitive, sought
@@ -66,7 +66,7 @@ def film(definition: Definition) -> Mounted:
     if file is None:
         where = ", ".join(str(folder) for folder in definition.folders)
         raise primitive.error(f"no file {name!r} in {where}", "put the BSDF file there")
-    material = BsdfMaterial(type="bsdf", file=file)
+    material = FacedBsdf(type="bsdf", file=file)
     if primitive.kind == "aBSDF":
         material = material.model_copy(update={"straight_through": "on"})
     return Mounted(material, up, primitive)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from drcmitsuba.model import honeybee
-from drcmitsuba.model.materials import BsdfMaterial
+from drcmitsuba.model.materials import FacedBsdf
 from drcmitsuba.runtime.errors import InputError
 from tests.unit.model import box_room as box
 
@@ -133,7 +133,7 @@ def test_a_file_that_holds_a_bsdf_gives_its_content_and_takes_its_path(tmp_path)
         assert honeybee.bsdf_xml(path) == {"film": XML}
         model = honeybee.read(path, bsdf={"film": tmp_path / "film.xml"})
         file = tmp_path / "film.xml"
-        assert model.layers[0].material == BsdfMaterial(type="bsdf", file=file, turn=k % 2 == 1)
+        assert model.layers[0].material == FacedBsdf(type="bsdf", file=file, turn=k % 2 == 1)
         assert list(tmp_path.iterdir()) == [path]
         own = honeybee.read(path).layers[0].material.file  # no case could name a file of its own
         assert own.read_bytes() == XML

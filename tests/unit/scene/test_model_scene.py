@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.model.materials import Lambertian
+from drcmitsuba.model.materials import BsdfMaterial, FacedBsdf, Lambertian
 from drcmitsuba.model.polygon import area_vector
 from drcmitsuba.plan import panes
 from drcmitsuba.runtime import backend
@@ -31,13 +31,13 @@ def _backend():
 SOUTH = np.array([[1, 0, 1], [3, 0, 1], [3, 0, 2], [1, 0, 2]], float)
 
 
-def box_room(*more, window=SOUTH, **tables):
+def box_room(*more, window=SOUTH, material=GLASS, **tables):
     floor, ceiling, walls = prism([(0, 0), (4, 0), (4, 5), (0, 5)], 3.0)
     return case_of(
         layer("floor", Lambertian(0.2), floor),
         layer("ceiling", Lambertian(0.8), ceiling),
         layer("walls", Lambertian(0.5), *walls, holes=[SOUTH]),
-        layer("glass", GLASS, window),
+        layer("glass", material, window),
         *more,
         **{"sensors": {"floors": ["floor"]}, **tables},
     )
@@ -50,6 +50,19 @@ def test_fronts_of_glass_turn_to_the_room_whichever_way_they_were_drawn(window):
     assert windows.outside.tolist() == [True]
     assert windows.width == pytest.approx([1.0])
     assert area_vector(windows.frame[0]) == pytest.approx([0, 2, 0])
+
+
+@pytest.mark.parametrize("window", [SOUTH, SOUTH[::-1]])
+def test_films_of_a_case_turn_to_the_room_and_those_of_a_model_keep_their_corners(window):
+    """Both face the room by name; the model's own has the front that its corners tell."""
+    film = {"type": "bsdf", "file": "film.xml"}
+    drawn = area_vector(window)
+    for material, kept in ((BsdfMaterial(**film), False), (FacedBsdf(**film), True)):
+        windows = panes_of_model(box_room(window=window, material=material).building)
+        np.testing.assert_allclose(windows.front, [[0, 1, 0]], atol=1e-9)
+        assert windows.facing == ("south",)
+        glass = windows.quads[int(windows.layer[0])]
+        np.testing.assert_allclose(area_vector(glass[0]), drawn if kept else [0, 2, 0], atol=1e-9)
 
 
 def test_panes_of_a_room_of_any_shape():

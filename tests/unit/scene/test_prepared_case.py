@@ -8,12 +8,14 @@ import pytest
 import drcmitsuba
 from drcmitsuba import glare_year
 from drcmitsuba.case.case import Case
+from drcmitsuba.model.materials import Lambertian
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene import prepared_case
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.prepared_case import KEPT, prepared
 from drcmitsuba.scene.sensors import sensor_coordinates, sensor_points
+from tests.model_rooms import case_of, layer, prism
 
 
 @pytest.fixture(autouse=True)
@@ -58,6 +60,18 @@ def test_parts_are_found_once_for_a_case_and_anew_for_another():
     again = prepared(case).receivers
     assert again is not first  # the oldest one has gone, and was found again
     np.testing.assert_array_equal(again.points, first.points)
+
+
+def test_rays_that_find_the_sensors_of_a_model_have_a_variant(monkeypatch):
+    """Who asks for them first need not know: `lights` of a point was the first to do so."""
+    chosen, walls = [], prism([(0, 0), (4, 0), (4, 5), (0, 5)], 3.0)
+    model = case_of(layer("walls", Lambertian(0.5), *walls), sensors={"spaces": ["*"]})
+    monkeypatch.setattr(prepared_case.mi, "variant", lambda: None)
+    monkeypatch.setattr(prepared_case.backend, "select", lambda: chosen.append("llvm"))
+    prepared(room())
+    assert not chosen
+    prepared(model)
+    assert chosen
 
 
 def test_a_run_finds_no_part_twice(monkeypatch):
