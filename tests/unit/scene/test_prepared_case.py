@@ -64,8 +64,8 @@ def test_parts_are_found_once_for_a_case_and_anew_for_another():
 
 def test_rays_that_find_the_sensors_of_a_model_have_a_variant(monkeypatch):
     """Who asks for them first need not know: `lights` of a point was the first to do so."""
-    chosen, walls = [], prism([(0, 0), (4, 0), (4, 5), (0, 5)], 3.0)
-    model = case_of(layer("walls", Lambertian(0.5), *walls), sensors={"spaces": ["*"]})
+    chosen, (floor, *_) = [], prism([(0, 0), (4, 0), (4, 5), (0, 5)], 3.0)
+    model = case_of(layer("floor", Lambertian(0.5), floor), sensors={"floors": ["floor"]})
     monkeypatch.setattr(prepared_case.mi, "variant", lambda: None)
     monkeypatch.setattr(prepared_case.backend, "select", lambda: chosen.append("llvm"))
     prepared(room())
