@@ -12,7 +12,13 @@ import numpy as np
 from drcmitsuba_plugins import bsdf_file, energy, peak
 from drcmitsuba_plugins.checks import checked, checked_whole, required
 from drcmitsuba_plugins.measured_hooks import Lobes
-from drcmitsuba_plugins.sampling import pane_axes, pane_to_local, to_pane, valid_directions
+from drcmitsuba_plugins.sampling import (
+    directions_of,
+    pane_axes,
+    pane_to_local,
+    to_pane,
+    valid_directions,
+)
 
 COMPONENTS = ("tf", "tb", "rf", "rb")
 
@@ -25,7 +31,8 @@ class Measured(mi.BSDF):
     ====================  =======  ================================================================
     `filename`            string   LBNL BSDF XML
     `up`                  vector   world direction of the file's y axis, default +z; it is
-                                   projected on the pane (+y for a horizontal one)
+                                   projected on the pane
+    `level`               vector   the same on a pane that is horizontal, default +y
     `straight_through`    string   'auto' (default): a straight-through peak above noise becomes
                                    a view through the pane; 'on': any cell above its neighbours
                                    does; 'off': none does
@@ -52,9 +59,7 @@ class Measured(mi.BSDF):
 
     def __init__(self, props: mi.Properties):
         super().__init__(props)
-        up = props.get("up", mi.ScalarVector3f(0, 0, 1))
-        self.up = mi.Vector3f(up)
-        checked(self.plugin, "up", np.array(up, float), -np.inf)
+        self.up, self.level = directions_of(self.plugin, props)
         mode = props.get("straight_through", "auto")
         if mode not in ("auto", "on", "off"):
             raise ValueError(f"{self.plugin}: straight_through: {mode!r}; give auto, on or off")
@@ -136,7 +141,7 @@ class Measured(mi.BSDF):
     def _to_file(self, si):
         """Axes x and y of the pane in the local frame; z is the same."""
         try:
-            return pane_axes(si, self.up)
+            return pane_axes(si, self.up, self.level)
         except ValueError as error:
             raise ValueError(f"{self.plugin}: {error}") from None
 

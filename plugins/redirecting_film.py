@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import drjit as dr
 import mitsuba as mi
-import numpy as np
 from drcmitsuba_plugins.checks import checked, required
 from drcmitsuba_plugins.redirection import (
     concentration,
@@ -13,7 +12,13 @@ from drcmitsuba_plugins.redirection import (
     redirected_from,
     von_mises_fisher,
 )
-from drcmitsuba_plugins.sampling import pane_axes, pane_to_local, to_pane, valid_directions
+from drcmitsuba_plugins.sampling import (
+    directions_of,
+    pane_axes,
+    pane_to_local,
+    to_pane,
+    valid_directions,
+)
 
 LEAST_SPREAD = 0.25
 """Least spread σ [deg]: float32 does not resolve narrower lobes."""
@@ -91,9 +96,7 @@ class RedirectingFilm(mi.BSDF):
             setattr(self, name, mi.Float(checked("redirecting_film", name, value, *RANGES[name])))
         total = float(values["transmittance"]) + float(values["reflectance_front"])
         checked("redirecting_film", "transmittance + reflectance_front", total, 0, 1 + 1e-6)
-        up = props.get("up", mi.ScalarVector3f(0, 0, 1))
-        checked("redirecting_film", "up", np.array(up, float), -np.inf)
-        self.up = mi.Vector3f(up)
+        self.up, self.level = directions_of("redirecting_film", props)
         both = mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
         self.m_components = [
             mi.BSDFFlags.DiffuseReflection | mi.BSDFFlags.FrontSide,
@@ -112,7 +115,7 @@ class RedirectingFilm(mi.BSDF):
     def _axes(self, si):
         """Axes x and y of the pane in the local frame."""
         try:
-            return pane_axes(si, self.up)
+            return pane_axes(si, self.up, self.level)
         except ValueError as error:
             raise ValueError(f"redirecting_film: {error}") from None
 

@@ -170,7 +170,17 @@ def on_disk(d, centre, diameter: float):
     return dr.squared_norm(d - centre) <= 4 * np.sin(np.radians(diameter) / 4) ** 2
 
 
-def pane_axes(si, up):
+def directions_of(plugin, props):
+    """World directions `up` and `level` of a pane, see `pane_axes`; ValueError for no numbers."""
+    made = []
+    for name, default in (("up", (0, 0, 1)), ("level", (0, 1, 0))):
+        value = props.get(name, mi.ScalarVector3f(default))
+        checked(plugin, name, np.array(value, float), -np.inf)
+        made.append(mi.Vector3f(value))
+    return made
+
+
+def pane_axes(si, up, level):
     """Axes x and y of a pane in the local frame; z is the same.
 
     Parameters
@@ -178,7 +188,9 @@ def pane_axes(si, up):
     si : mi.SurfaceInteraction3f
         Interaction whose shading frame is the pane's orientation in the world.
     up : mi.Vector3f
-        World direction whose projection on the pane is y; +y where the pane is horizontal.
+        World direction whose projection on the pane is y.
+    level : mi.Vector3f
+        World direction that takes its place where the pane is horizontal.
 
     Returns
     -------
@@ -197,7 +209,7 @@ def pane_axes(si, up):
         )
     up = si.to_local(up)
     flat = dr.abs(up.x) + dr.abs(up.y) < 1e-4
-    other = si.to_local(mi.Vector3f(0, 1, 0))
+    other = si.to_local(level)
     y = dr.select(flat, mi.Vector2f(other.x, other.y), mi.Vector2f(up.x, up.y))
     y = dr.normalize(y)
     return mi.Vector2f(y.y, -y.x), y

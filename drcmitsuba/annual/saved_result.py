@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
@@ -32,8 +33,11 @@ ALL_ARRAYS = {
     "illuminance.nc", "coefficients.zarr", "sky.zarr", "year.zarr", "sensors.nc", "colour.nc",
 }  # fmt: skip
 """Files of arrays of all kinds of results."""
-DRAWN = ("*_plan.png", "monthly.png", "illuminance_*.png", "sun_path.png")
-"""Pictures of an evaluation, by the patterns of their names, those of `plot` among them."""
+DRAWN = re.compile(
+    r"(illuminance|autonomy|sun|melanopic|undecided_(sda|ase))(_\d+)?_plan\.png"
+    r"|illuminance_(mountain(_\d+)?|section|year(_\d+)?)\.png|(monthly|sun_path)\.png"
+)
+"""Names of the pictures of an evaluation, those of `plot` among them."""
 
 Own = TypeVar("Own", bound="SavedResult")
 
@@ -114,8 +118,8 @@ class SavedResult(ABC):
 
             drawn = self._pictures()
             plots.save_all(drawn, folder, progress, parts)
-        for old in (path for name in DRAWN for path in folder.glob(name)):
-            if old.name not in drawn:
+        for old in folder.glob("*.png"):
+            if DRAWN.fullmatch(old.name) and old.name not in drawn:
                 old.unlink(missing_ok=True)
         return list(drawn)
 

@@ -163,7 +163,9 @@ def render(
                 folder=output, source=source.value, target=target, time_limit=seconds, stage=stage,
             ):  # fmt: skip
                 told = list(rendering.notes)
-                name = rendering.name + (f"_{file_name(one)}" if len(states) > 1 else "")
+                name = rendering.name
+                if len(states) > 1 or one != OPEN:  # states stand side by side in a folder
+                    name += f"_{file_name(one)}"
                 files += rendering.save(
                     output, tone.value, pixels.value, ends, screen, remark=told.append, name=name
                 )

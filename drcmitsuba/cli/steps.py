@@ -18,6 +18,7 @@ from drcmitsuba.cli.options import (
     option,
 )
 from drcmitsuba.cli.terminal import show, show_notes, stages
+from drcmitsuba.runtime.errors import InputError
 
 
 def sky(case: CaseName, output: Output = Path("results"), weather: Weather = None) -> None:
@@ -139,6 +140,8 @@ def plot(
 
     points = [lengths(text, (2,), "--point", "X,Y") for text in point or ()]
     ends = None if section is None else lengths(section, (4,), "--section", "X,Y,X,Y")
+    if ends is not None and ends[:2] == ends[2:]:
+        raise InputError("command line", "--section", f"{section}, a point", "give two ends")
     path, file = folder / "illuminance.nc", folder / "metrics.json"
     E = stored_arrays.loaded(path, stored_arrays.open_dataset(path, "total", "direct_sun"))
     numbers = metrics_file.read_numbers(file, E.sizes["sensor"])

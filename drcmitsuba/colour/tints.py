@@ -320,10 +320,11 @@ def _pane(material: Any, shape: _Shape) -> dict[str, Any]:
     if isinstance(material, MirrorMaterial):
         return {"reflectance": _scaled(material.reflectance, shape, "reflectance")}
     if isinstance(material, DiffuserMaterial):
-        factor = _scaled(material.most_through, shape, "transmittance") / material.most_through
+        most = material.most_through
+        factor = _scaled(most, shape, "transmittance") / most if most else 1.0
         keys = ("transmittance", "straight")
         changed: dict[str, Any] = {key: _times(getattr(material, key), factor) for key in keys}
-        through = factor * material.most_through
+        through = factor * most
     else:
         assert isinstance(material, GlazingMaterial)
         most = 1.0 if material.ior is None else glass.most(material.ior)

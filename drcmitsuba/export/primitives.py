@@ -20,7 +20,7 @@ from drcmitsuba.model.materials import (
     PorousMaterial,
     SurfaceMaterial,
 )
-from drcmitsuba.scene.geometry import normals
+from drcmitsuba.scene.geometry import normals, turn
 from drcmitsuba.scene.materials import channel_of, lets_through
 
 LONGEST = 40
@@ -59,8 +59,9 @@ def _numbers(values: object) -> str:
 
 
 def twin(
-    modifier: str, material: SurfaceMaterial, quads: np.ndarray, file: str | Path = ""
-) -> RadianceTwin:
+    modifier: str, material: SurfaceMaterial, quads: np.ndarray, file: str | Path = "",
+    clockwise: float = 0.0,
+) -> RadianceTwin:  # fmt: skip
     """Make the primitive of a material.
 
     Parameters
@@ -72,6 +73,8 @@ def twin(
         Corners of its surface [m]; a measured pane's orientation follows from the first.
     file : str or Path
         BSDF file of a measured pane, as Radiance finds it.
+    clockwise : float
+        Angle of the room in the world [deg], with which horizontal measured panes turn.
 
     Returns
     -------
@@ -102,7 +105,7 @@ def twin(
     if isinstance(material, DiffuserMaterial):
         return _diffuser(modifier, material)
     if isinstance(material, BsdfMaterial):
-        return RadianceTwin(_film(modifier, material, quads, file))
+        return RadianceTwin(_film(modifier, material, quads, file, clockwise))
     if isinstance(material, MirrorMaterial):
         return _mirror(modifier, material)
     return _dielectric(modifier, material)
@@ -143,14 +146,17 @@ def _diffuser(modifier: str, material: DiffuserMaterial) -> RadianceTwin:
     return RadianceTwin(text, "; ".join(differs))
 
 
-def _film(modifier: str, material: BsdfMaterial, quads: np.ndarray, file: str | Path) -> str:
+def _film(
+    modifier: str, material: BsdfMaterial, quads: np.ndarray, file: str | Path, clockwise: float
+) -> str:
     """A pane with a measured BSDF; the front of its polygons is the room's side, as in the file.
 
     `aBSDF` for a file with a straight-through peak, else `BSDF` without thickness. On a horizontal
-    pane the file's y axis points north.
+    pane the file's y axis is the room's.
     """
     is_flat = abs(normals(quads[:1])[0, 2]) > 1 - 1e-8
-    up = np.array([0, 1, 0] if is_flat else [0, 0, 1]) * (-1 if material.turn else 1)
+    up = turn(clockwise) @ (0, 1, 0) if is_flat else np.array([0, 0, 1])
+    up = up * (-1 if material.turn else 1)
     if lets_through(material):
         return f'void aBSDF {modifier} 5 "{file}" {_numbers(up)} . 0 0'
     return f'void BSDF {modifier} 6 0 "{file}" {_numbers(up)} . 0 0'

@@ -20,7 +20,7 @@ from drcmitsuba.export.sources import SKY, SUN_RADIANCE, sun_modifiers, sun_text
 from drcmitsuba.metrics.bin_luminances import source_luminances
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.scene.geometry import origin
+from drcmitsuba.scene.geometry import clockwise, origin
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.sky.daylight import Daylight, daylight
@@ -64,7 +64,7 @@ def save_radiance(case: Case, folder: Path, state: State = OPEN) -> Simulation:
         case = case.with_tables(sun=TrueSun())
     points, normals = prepared(case).receivers.at()
     light = daylight(case)
-    scene = scene_files(surfaces_of(case, state))
+    scene = scene_files(surfaces_of(case, state), clockwise(case))
     L_sky, L_suns = _luminances(light)
     simulation = Simulation(
         title=identifier(case.name),
@@ -114,7 +114,9 @@ def _remarks(case: Case) -> list[str]:
     remarks = []
     if case.effects.overruled:
         remarks.append("Radiance simulates all effects of light, whatever the table [effects] says")
-    start = origin(case)
+    start, turned = origin(case), clockwise(case)
+    if turned:
+        remarks.append(f"the scene is turned clockwise by {turned:g}°: its y axis is true north")
     if start.any():
         place = " ".join(f"{v:.10g}" for v in start)
         remarks.append(f"the scene's origin lies at {place} of the case [m]")

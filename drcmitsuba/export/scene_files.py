@@ -29,10 +29,11 @@ class SceneFiles:
     """How Radiance's materials differ from the engine's."""
 
 
-def scene_files(surfaces: Sequence[Surface]) -> SceneFiles:
+def scene_files(surfaces: Sequence[Surface], clockwise: float = 0.0) -> SceneFiles:
     """Write surfaces as materials and polygons of Radiance.
 
-    The modifier of surface i is its name with `.i` behind it.
+    The modifier of surface i is its name with `.i` behind it. Horizontal films are turned
+    `clockwise` with the room [deg].
     """
     materials, shapes, differences = [], [], []
     films: dict[Path, str] = {}
@@ -44,7 +45,7 @@ def scene_files(surfaces: Sequence[Surface]) -> SceneFiles:
             differences.append(FILMS)
         elif surface.component or isinstance(material, MirrorMaterial):
             differences.append(MIRRORS)
-        made = twin(modifier, material, surface.quads, file)
+        made = twin(modifier, material, surface.quads, file, clockwise)
         differences.append(made.difference)
         materials.append(made.text)
         shapes += polygons(modifier, material, surface.quads)

@@ -218,4 +218,4 @@ def to_pane_frame(bsdf: Any, si: mi.SurfaceInteraction3f) -> mi.Vector3f:
     """Direction to the eye in the pane's frame: +z into the room, +y up."""
     from drcmitsuba_plugins.sampling import pane_axes, to_pane
 
-    return to_pane(si.wi, pane_axes(si, bsdf.up))
+    return to_pane(si.wi, pane_axes(si, bsdf.up, bsdf.level))

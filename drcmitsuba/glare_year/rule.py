@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +28,7 @@ class Rule:
     opening: float = 0.2
     """Opening angle within which bright pixels are one source [rad]."""
     peak: float = 50_000.0
-    """Luminance above which pixels are sources of their own [cd/m²]."""
+    """Luminance above which pixels are sources of their own [cd/m²], infinite for none."""
     constants: DgpConstants = EVALGLARE
     """Constants of the equation of DGP."""
     low_light: bool = False
@@ -38,8 +39,14 @@ class Rule:
             if not getattr(self, name) > 0:
                 got = str(getattr(self, name))
                 raise InputError("glare", name, got, "give a number above 0")
+        if not np.isfinite(self.threshold):
+            raise InputError("glare", "threshold", f"{self.threshold}", "give a finite number")
         if not self.opening <= 1:
             raise InputError("glare", "opening", f"{self.opening}", "give at most 1 rad")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON; an infinite peak is None."""
+        return {**asdict(self), "peak": self.peak if np.isfinite(self.peak) else None}
 
     @property
     def least(self) -> float:

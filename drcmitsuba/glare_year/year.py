@@ -23,7 +23,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -228,7 +228,7 @@ def rated(
     data = {name: (dims, v.astype(np.float32)) for name, v in values.items()}
     hours = describe(xr.Dataset(data, coords))
     hours.attrs = {"case": case.name, "step_hours": light.step_hours, "weather": light.source}
-    settings = {**settings_of_case(case, light), "rule": asdict(rule), "seed": run.seed}
+    settings = {**settings_of_case(case, light), "rule": rule.to_dict(), "seed": run.seed}
     settings["notes"] = [*notes]
     return GlareYear(case, hours, replicates, settings, dict(run.seconds), doubts)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -203,6 +203,20 @@ class View:
         return replace(self, position=(x * factor, y * factor, z * factor), angles=angles)
 
 
+def numbered_views(views: Iterable[View]) -> tuple[View, ...]:
+    """Views whose names differ: further ones of a name are numbered, equal ones stand once."""
+    named: dict[str, list[View]] = {}
+    for view in views:
+        alike = named.setdefault(view.name, [])
+        if view not in alike:
+            alike.append(view)
+    return tuple(
+        replace(view, name=f"{name} {k + 1}" if k else name)
+        for name, alike in named.items()
+        for k, view in enumerate(alike)
+    )
+
+
 @dataclass(frozen=True)
 class Location:
     """Place on earth that a model states."""
@@ -296,7 +310,7 @@ def joined(models: Sequence[Model]) -> Model:
     return Model(
         tuple(layer for m in models for layer in m.layers),
         tuple(grid for m in models for grid in m.grids),
-        tuple(view for m in models for view in m.views),
+        numbered_views(view for m in models for view in m.views),
         stated[0].location if stated else None,
         next((m.north for m in models if m.north), 0.0),
         (*(note for m in models for note in m.notes), *overlap_notes(spaces)),

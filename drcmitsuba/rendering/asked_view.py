@@ -32,8 +32,8 @@ def effects_of_view(facade: ViewFacade, fills: Fills, pixels: int) -> EnabledEff
     solved = solved.decided("solved_cells", case.effects.solved_cells)
     channels = False if case.colour.wavelengths else scope.channels  # bands have the colour
     return replace(
-        scope, sky=True, suns=True, shade=True, solved_cells=solved.on and scope.depth != 0,
-        channels=channels,
+        scope, sky=case.effects.sky != "off", suns=case.effects.suns != "off", shade=True,
+        solved_cells=solved.on and scope.depth != 0, channels=channels,
     )  # fmt: skip
 
 

@@ -69,7 +69,7 @@ class OutsideLuminances:
         """The sun alone."""
         return replace(self, table=np.zeros_like(self.table), ground=0.0)
 
-    def times(self, sky: np.ndarray, ground: float, sun: float) -> OutsideLuminances:
+    def times(self, sky: np.ndarray | float, ground: float, sun: float) -> OutsideLuminances:
         """Each source so many times as bright: the sky (altitude, azimuth), the ground, the sun."""
         return replace(
             self, table=self.table * sky, ground=self.ground * ground, sun=self.sun * sun

@@ -105,7 +105,11 @@ class PreparedView:
         instant = instant_of(time) if isinstance(time, str) else time
         light = daylight(self.case, np.array([instant]))
         of_all = outside = OutsideLuminances.of(self.case, light, 0)
-        sky = light.sky["sky"].values[0]
+        sky, effects = light.sky["sky"].values[0], self.case.effects
+        if effects.suns == "off":
+            outside = outside.without_sun()
+        if effects.sky == "off":  # the ground is an effect of its own
+            outside, sky = outside.times(0, 1, 1), np.where(light.sky["bin"] == "ground", sky, 0)
         if source == "sky":
             outside = outside.without_sun()
         elif source == "sun":
@@ -125,8 +129,10 @@ class PreparedView:
         if self.colours is not None:
             coloured = True
             rgb = self.colours.rgb(
-                mean[0], light, of_all, indices, sky=source != "sun", sun=source != "sky"
-            )
+                mean[0], light, of_all, indices,
+                sky=source != "sun" and effects.sky != "off",
+                sun=source != "sky" and effects.suns != "off",
+            )  # fmt: skip
         date = str(instant.astype("datetime64[s]"))
         picture = Picture(
             np.ascontiguousarray(rgb), self.view, BT709 if coloured else RADIANCE,
@@ -198,7 +204,8 @@ class PreparedView:
         paths, indices = [], self.facade.indices(self.facade.state, {}, daylight(self.case))
         for i, (colour, one) in enumerate(zip(colours, self.channels, strict=True)):
             share = part(done, i / len(colours), (i + 1) / len(colours))
-            name = f"{file_name(self.name)}_bins{'_' if colour else ''}{colour}.zarr"
+            state = "" if self.facade.state == OPEN else f"_{file_name(self.facade.state)}"
+            name = f"{file_name(self.name)}{state}_bins{'_' if colour else ''}{colour}.zarr"
             storage.save_zarr(_told(one.in_state(indices), share), Path(folder) / name, along="row")
             paths.append(Path(folder) / name)
         return paths

@@ -27,6 +27,7 @@ from drcmitsuba.model.materials import (
     SurfaceMaterial,
 )
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene.geometry import turn
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 
 STEPS = 1025
@@ -150,15 +151,18 @@ def albedo(material: SurfaceMaterial) -> float:
     return 1.0
 
 
-def loaded(material: SurfaceMaterial, channel: int = 0) -> Any:
+def loaded(material: SurfaceMaterial, channel: int = 0, clockwise: float = 0.0) -> Any:
     """Load the BSDF of a material as `mi.BSDF`; nobody may change the parameters of a film's.
+
+    Arguments are those of `bsdf`.
 
     The film's tables are made once for all scenes: states of a façade, forecasts, further runs.
     """
     if not isinstance(material, BsdfMaterial):
         return mi.load_dict(bsdf(material, channel))
     changed = material.file.stat().st_mtime_ns
-    return _loaded_film(tuple(bsdf(material, channel).items()), changed, str(mi.variant()))
+    description = bsdf(material, channel, clockwise)
+    return _loaded_film(tuple(description.items()), changed, str(mi.variant()))
 
 
 @lru_cache(maxsize=8)
@@ -206,7 +210,7 @@ def _mirror(material: MirrorMaterial) -> dict[str, Any]:
     return {"type": "blendbsdf", "weight": material.specular, "first": matt, "second": clear}
 
 
-def bsdf(material: SurfaceMaterial, channel: int = 0) -> dict[str, Any]:
+def bsdf(material: SurfaceMaterial, channel: int = 0, clockwise: float = 0.0) -> dict[str, Any]:
     """Mitsuba dictionary of a material.
 
     Parameters
@@ -214,6 +218,8 @@ def bsdf(material: SurfaceMaterial, channel: int = 0) -> dict[str, Any]:
     channel : int
         Colour channel that is simulated: 0 for grey and red, 1 for green, 2 for blue; −1 for
         luminance.
+    clockwise : float
+        Angle of the room in the world [deg], with which the y axis of horizontal films turns.
 
     Returns
     -------
@@ -234,6 +240,7 @@ def bsdf(material: SurfaceMaterial, channel: int = 0) -> dict[str, Any]:
             "straight_through": "on" if lets_through(material) else "off",
             "flip": material.flip,
             "turn": material.turn,
+            "level": tuple((turn(clockwise) @ (0.0, 1.0, 0.0)).tolist()),
             "channel": channel if measured.coloured else -1,
         }
     if isinstance(material, Lambertian):

@@ -24,6 +24,7 @@ from drcmitsuba.scene.box_faces import BoxFaces
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.flat_panes import FlatPanes
 from drcmitsuba.scene.geometry import Port, Surface
+from drcmitsuba.scene.geometry import clockwise as turned_by
 from drcmitsuba.scene.materials import ends_paths, film, lets_through, loaded
 from drcmitsuba.scene.meshes import quad_mesh
 from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
@@ -82,6 +83,8 @@ class Scene:
     """The same as `clear`, where all of it are a few flat panes of clear glass."""
     panes: mi.Scene | None = None
     """Clear panes alone, where porous surfaces stand beside them."""
+    clockwise: float = 0.0
+    """Angle of the room in the world [deg], by which horizontal films are turned."""
     ray_counter: RayCounter = field(default_factory=RayCounter)
     """Number of rays traced."""
 
@@ -108,7 +111,8 @@ class Scene:
         """Everything that light in this scene depends on, for the key of stored coefficients."""
         parts = [(p.material, p.quads, p.component, p.closed) for p in self.parts]
         effects = self.effects.to_dict()
-        return parts, self.channel, self.enclosure, self.near, self.ports, effects
+        turned = self.clockwise if self.films else 0.0
+        return parts, self.channel, self.enclosure, self.near, self.ports, effects, turned
 
     @property
     def from_within(self) -> tuple[Any, ...]:
@@ -141,11 +145,12 @@ class Scene:
 
 def build(
     surfaces: list[Surface], channel: int = 0, enclosure: Enclosure | None = None,
-    ports: tuple[Port, ...] = (),
+    ports: tuple[Port, ...] = (), clockwise: float = 0.0,
 ) -> Scene:  # fmt: skip
     """Make the Mitsuba scenes of a list of surfaces in one colour channel.
 
-    Shadow rays that cannot leave the enclosure are spared; photons start at the ports.
+    Shadow rays that cannot leave the enclosure are spared; photons start at the ports; horizontal
+    films are turned `clockwise` with the room [deg].
     """
     groups: dict[tuple[str, SurfaceMaterial, bool], list[Surface]] = {}
     for surface in surfaces:
@@ -156,7 +161,8 @@ def build(
     shapes = {}
     for (component, m, closed), group in groups.items():
         quads = np.concatenate([s.quads for s in group])
-        part = ScenePart(group[0].name, m, quads, component, closed, bsdf=loaded(m, channel))
+        bsdf = loaded(m, channel, clockwise)
+        part = ScenePart(group[0].name, m, quads, component, closed, bsdf=bsdf)
         shapes[f"shape{len(parts)}"] = quad_mesh(part.name, quads, part.bsdf)
         parts.append(part)
     is_clear = [lets_through(part.material) for part in parts]
@@ -180,6 +186,7 @@ def build(
         flat_panes=FlatPanes.of((p.quads, p.bsdf) for p in let_through) if is_glass else None,
         panes=scene(is_pane) if any(is_pane) and is_pane != is_clear else None,
         corners=np.concatenate([s.quads.reshape(-1, 3) for s in surfaces] or [np.zeros((1, 3))]),
+        clockwise=clockwise,
         enclosure=enclosure,
         parts=tuple(parts),
         ports=ports,
@@ -235,7 +242,7 @@ def load(
     """
     surfaces, enclosure, ports = geometry_of(case, state, effects, groups)
     surfaces = [replace(each, material=tint(each)) for each in surfaces]
-    built = build(surfaces, channel, enclosure, ports)
+    built = build(surfaces, channel, enclosure, ports, turned_by(case))
     return replace(built, effects=effects, near=bounds_of_rooms(case), channel=channel)
 
 

@@ -163,6 +163,12 @@ def _stamps(case: Case, w: weather.Weather, times: np.ndarray | None) -> _Stamps
     return _Stamps(times, times, rows, "instant", min(w.step, _least_gap(times)))
 
 
+def _rows(w: weather.Weather, rows: np.ndarray, times: np.ndarray) -> xr.Dataset:
+    """Weather of time stamps, with the `start` of the interval that each lies in."""
+    data = w.data.isel(time=rows)
+    return data.assign_coords(start=("time", data["time"].values), time=times)
+
+
 def _least_gap(times: np.ndarray) -> float:
     """Least gap between time stamps of one day [h]."""
     in_order = np.sort(times)
@@ -189,7 +195,7 @@ def sky_luminance(case: Case, time: np.datetime64, directions: np.ndarray) -> np
     """
     w, times = weather_of(case), np.array([time])
     stamps = _stamps(case, w, times)
-    data = w.data.isel(time=stamps.rows).assign_coords(time=times)
+    data = _rows(w, stamps.rows, times)
     sun = sky.sun_position(times, w.step, w.site, stamps.sun_time)
     model: Any = sky_model(case)
     patches = Patches(case.sky.subdivision)
@@ -259,7 +265,7 @@ def _of_stamps(case: Case, w: weather.Weather, stamps: _Stamps) -> Daylight:
     times, clock, rows, sun_time, step = stamps
     with _of(case, "sky"):
         model = sky_model(case)
-    data = w.data.isel(time=rows).assign_coords(time=times)
+    data = _rows(w, rows, times)
     sun = sky.sun_position(times, w.step, w.site, sun_time)
     light = sky.radiance(
         data, sun, model=model,

@@ -81,7 +81,7 @@ class Sunshine:
 
     def luminances(self, data: xr.Dataset, sun: xr.Dataset, patches: Patches) -> SkyLight:
         """Sky and direct light of each time, as `SkyModel` says."""
-        drawn = self.kinds(sun["time"].to_numpy())
+        drawn = self.kinds((data["start"] if "start" in data.coords else sun["time"]).to_numpy())
         n = len(drawn)
         light = SkyLight(
             np.zeros((n, len(self.patch_values.horizontal(patches)))), np.zeros(n), np.zeros(n)

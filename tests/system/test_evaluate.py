@@ -308,6 +308,9 @@ def test_points_too_close_to_call_are_listed_printed_and_drawn(tmp_path, monkeyp
     folder = tmp_path / "r"
     folder.mkdir()
     (folder / "undecided_ase_plan.png").write_text("of an evaluation before this one")
+    of_others = ("site_plan.png", "glare_plan.png", "illuminance_01-02_1200.png")
+    for name in of_others:
+        (folder / name).write_text("of a user, or of another command")
     run(monkeypatch, "evaluate", tmp_path / "case.toml", "-o", folder)
     numbers = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
     E = stored_arrays.open_dataset(folder / "illuminance.nc").load()
@@ -325,6 +328,7 @@ def test_points_too_close_to_call_are_listed_printed_and_drawn(tmp_path, monkeyp
     ]
     pictures = {p.name for p in folder.glob("undecided_*.png")}
     assert pictures == {f"undecided_{one['metric'].lower()}_plan.png" for one in listed}
+    assert all((folder / name).exists() for name in of_others)
     (folder / "undecided_sda_plan.png").unlink()
     run(monkeypatch, "plot", folder)
     assert (folder / "undecided_sda_plan.png").read_bytes().startswith(b"\x89PNG")

@@ -1,6 +1,7 @@
 """Evaluations at the edge: dark, black and coloured rooms, other skies, sites and times."""
 
 import re
+import shutil
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import daylight as light_module
 from drcmitsuba.sky import luminances
 from drcmitsuba.sky.sun_models import Suns
+from tests import ROOT
 from tests.made_weather import clear_year
 from tests.system.small_room import CASE, DAYS, SHADING, SITE, STRIPS, VARIABLES, changed, run
 
@@ -262,3 +264,55 @@ def test_working_hours_are_clock_hours_under_daylight_saving(evaluate):
     assert last.sum() == 4  # Monday 30 and Tuesday 31 March
     np.testing.assert_array_equal(ahead, last)
     assert set(E["time"].dt.hour.values[last]) == {7, 8}
+
+
+SKYLIGHT = """void plastic black 0 0 5 0 0 0 0 0
+void BSDF film 6 0 prism.xml 0 1 0 . 0 0
+black polygon floor 0 0 12  0 0 0  4 0 0  4 5 0  0 5 0
+black polygon south 0 0 12  0 0 0  0 0 3  4 0 3  4 0 0
+black polygon east  0 0 12  4 0 0  4 0 3  4 5 3  4 5 0
+black polygon north 0 0 12  0 5 0  4 5 0  4 5 3  0 5 3
+black polygon west  0 0 12  0 0 0  0 5 0  0 5 3  0 0 3
+black polygon a 0 0 12  0 0 3  0 2 3  4 2 3  4 0 3
+black polygon b 0 0 12  0 3 3  0 5 3  4 5 3  4 3 3
+black polygon c 0 0 12  0 2 3  0 3 3  1.5 3 3  1.5 2 3
+black polygon d 0 0 12  2.5 2 3  2.5 3 3  4 3 3  4 2 3
+film polygon pane 0 0 12  1.5 2 3  1.5 3 3  2.5 3 3  2.5 2 3
+"""
+TURNED = """
+[model]
+files = ["room.rad"]
+north = {north}
+[site]
+latitude = 46.0
+longitude = 6.0
+timezone = 1
+[sky]
+model = "cie"
+type = "overcast"
+diffuse_horizontal_illuminance = 10000.0
+[period]
+months = [6]
+hours = [12, 13]
+days_per_week = 1
+[sensors]
+points = [[2, 0.5, 0.8], [2, 4.5, 0.8], [0.5, 2.5, 0.8], [3.5, 2.5, 0.8]]
+[accuracy]
+replicates = 4
+paths = 16
+"""
+
+
+def test_a_film_in_a_roof_turns_with_its_model(tmp_path):
+    """Under a sky that is the same all around, light within does not depend on north."""
+    shutil.copy(ROOT / "scenes" / "films" / "prism.xml", tmp_path)
+    (tmp_path / "room.rad").write_text(SKYLIGHT)
+    found = []
+    for north in (0, 90, 217):
+        (tmp_path / "case.toml").write_text(TURNED.format(north=north))
+        E = drcmitsuba.evaluate(tmp_path / "case.toml").illuminance.isel(time=0)
+        found.append((E["total"].values, E["total_se"].values))
+    (first, error), *others = found
+    assert abs(first[0] - first[1]) > 5 * np.hypot(*error[:2])  # the film has a direction
+    for turned, own in others:
+        assert (np.abs(turned - first) < 5 * np.hypot(own, error)).all(), (first, turned)

@@ -9,7 +9,7 @@ import xarray as xr
 import drcmitsuba
 from drcmitsuba import load_case
 from drcmitsuba.annual.adaptive_sampling import of_hours
-from drcmitsuba.glare_year import GlareYear
+from drcmitsuba.glare_year import GlareYear, Rule
 from tests.unit.glare_year.glare_room import TIMES, case_in
 
 SHADE = """
@@ -128,10 +128,16 @@ def test_a_year_of_glare_shows_itself(year):
         (["--around", "2 7 1.2"], "views: view 'point 1' at (2, 7, 1.2) lies in, on or beyond"),
         (["--around", "nan 1 1"], "points"),
         (["--threshold", "-1"], "threshold: -1"),
+        (["--threshold", "inf"], "threshold: inf; give a finite number"),
     ],
 )
 def test_unfit_arguments_are_refused_in_one_line(arguments, complaint, refused, case):
     assert complaint in refused("glare", case.source, *arguments)
+
+
+def test_a_rule_without_peaks_is_written_as_json():
+    rule = Rule(peak=float("inf"))
+    assert json.loads(json.dumps(rule.to_dict(), allow_nan=False))["peak"] is None
 
 
 def test_a_case_without_views_is_refused(refused, case, tmp_path):

@@ -74,6 +74,9 @@ def test_states_follow_without_tracing_again_each_in_its_own_file(rendered, monk
     monkeypatch.chdir(rendered)
     states = ("--state", "open", "--state", "shaded")
     run(monkeypatch, "render", "room.toml", "--time", "03-20 15:00", *states, *SMALL)
+    before = (rendered / "out/desk_03-20_1200.hdr").read_bytes()
+    run(monkeypatch, "render", "room.toml", "--time", "03-20 12:00", *states[2:], *SMALL)
+    assert (rendered / "out/desk_03-20_1200.hdr").read_bytes() == before  # of the open state
     monkeypatch.setattr(stored_view, "save_paths", None)  # tracing would call it
     run(monkeypatch, "render", "room.toml", "--time", "03-20 12:00", *states, *SMALL)
     files = (f"out/desk_03-20_1200{name}.hdr" for name in ("", "_open", "_shaded"))
@@ -94,6 +97,13 @@ def test_pictures_of_the_sky_and_of_the_sun_add_up(rendered, monkeypatch):
         assert parts[-1].max() > 10
     whole = picture.read("out/desk_03-20_1200.exr").luminance
     assert np.allclose(sum(parts), whole, rtol=1e-4, atol=1e-2)
+    for effect, left in (("suns", parts[0]), ("sky", None)):
+        text = CASE + VIEW + f'[effects]\n{effect} = "off"\n'
+        (rendered / "off.toml").write_text(text)
+        shown = prepare("off.toml", "desk", size=24).at("03-20 12:00").picture.luminance
+        assert 0 < shown.mean() < 0.99 * whole.mean()
+        if left is not None:
+            assert shown.mean() == pytest.approx(left.mean(), rel=0.05)
     with pytest.raises(InputError, match="source: 'moon'; give all, sky or sun"):
         prepare("room.toml", "desk", size=8).at("03-20 12:00", "moon")
 
@@ -103,7 +113,7 @@ def test_frames_have_the_state_that_the_shade_takes_in_their_hour(rendered, monk
     (rendered / "day.csv").write_text("time\n2015-03-20T09:40\n2015-03-25T09:10\n")
     run(monkeypatch, "render", "room.toml", "--times", "day.csv", "--state", "applied", *SMALL)
     assert "façade shaded in 1, open in 1 of 2 pictures" in capsys.readouterr().out
-    shown = {t: picture.read(f"out/desk_{t}.exr").rgb for t in ("03-20_0940", "03-25_0910")}
+    shown = {t: picture.read(f"out/desk_{t}_applied.exr").rgb for t in ("03-20_0940", "03-25_0910")}
     for state, (time, rgb) in zip(("shaded", "open"), shown.items(), strict=True):
         when = time[:8] + ":" + time[8:]
         fixed = prepare("room.toml", "desk", size=24, state=state).at(when.replace("_", " "))

@@ -88,6 +88,17 @@ def test_csv_has_lights_and_glare(results):
     assert "probability of class medium, open" in {row["metric"] for row in rows}
 
 
+def test_glare_of_another_facade_is_left_out(copied):
+    """As where the glass was changed and the glare was not computed again."""
+    settings = json.loads((copied / "metrics.json").read_text())["settings"]
+    for change, kept in (({}, True), ({"seed": 7}, True), ({"materials": {}}, False)):
+        glare = GLARE | {"settings": settings | change}
+        (copied / "glare.json").write_text(json.dumps(glare))
+        (facade,) = Report.of_folders([copied]).facades
+        assert (facade.glare is not None) == kept
+        assert any("glare.json is of another" in note for note in facade.notes) != kept
+
+
 def test_the_browser_tells_who_lights_the_nearest_traced_point(page, tmp_path_factory):
     skips.BROWSER.skip_if_so()
     with browser.page(tmp_path_factory.mktemp("profile")) as opened:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from drcmitsuba.model.honeybee.entries import JsonEntry
-from drcmitsuba.model.model import SensorGrid, View
+from drcmitsuba.model.model import SensorGrid, View, numbered_views
 from drcmitsuba.model.notes import Notes
 
 KINDS = "vhlcas"
@@ -38,16 +38,8 @@ def grids_of(entries: Sequence[JsonEntry], metres: float) -> tuple[SensorGrid, .
 
 def views_of(entries: Sequence[JsonEntry], metres: float, notes: Notes) -> tuple[View, ...]:
     """Views of the model, named as its grids; others of one name are numbered."""
-    views: dict[str, list[View]] = {}
-    for entry, name in zip(entries, _names(entries), strict=True):
-        view, alike = replace(_view(entry, metres, notes), name=name), views.setdefault(name, [])
-        if view not in alike:
-            alike.append(view)
-    return tuple(
-        replace(view, name=f"{name} {k + 1}" if k else name)
-        for name, alike in views.items()
-        for k, view in enumerate(alike)
-    )
+    names = zip(entries, _names(entries), strict=True)
+    return numbered_views(replace(_view(entry, metres, notes), name=name) for entry, name in names)
 
 
 def _names(entries: Sequence[JsonEntry]) -> list[str]:

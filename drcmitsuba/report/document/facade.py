@@ -98,7 +98,9 @@ class EvaluatedFacade:
         if error is not None:  # its text may quote a file that is not for the report's readers
             notes = ("the plans have no rooms, since the model's files cannot be read here",)
         plan = _plan(folder / "plan.json")
-        lights, glare = stored_lights(folder, evidence.illuminance), stored_glare(folder)
+        lights = stored_lights(folder, evidence.illuminance)
+        glare, of_glare = stored_glare(folder, numbers["settings"])
+        notes += of_glare
         of_all = light_of_sensors(folder, evidence.illuminance)
         return lambda: replace(
             cls._judged(case, evidence, numbers, plan, notes),

@@ -5,11 +5,11 @@ from __future__ import annotations
 import base64
 import io
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatch
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import BaseModel, Field, ValidationError
 
@@ -27,6 +27,11 @@ MOST_VIEWS = 40
 """Largest number of views in the table of glare."""
 LARGEST_FILE = 1 << 25
 """Largest file of a picture, or of glare, that is read [bytes]."""
+SEEN = (
+    "room", "model", "facade", "materials", "components", "furniture", "shading", "groups",
+    "weather_source", "site", "sky", "outside",
+)  # fmt: skip
+"""Tables of a case that glare depends on."""
 WIDTH = 720
 """Largest width and height of a picture in the page [pixel]."""
 MOST_PIXELS = 1 << 26
@@ -101,10 +106,13 @@ class StoredGlare(BaseModel):
 
     DGP: dict[str, dict[str, _View]]
     spaces: dict[str, dict[str, _WorstView]] = {}
+    settings: dict[str, Any] = {}
 
 
-def stored_glare(folder: Path) -> StoredGlare | None:
-    """Read `glare.json` of a folder; None where there is none.
+def stored_glare(
+    folder: Path, settings: Mapping[str, Any]
+) -> tuple[StoredGlare | None, tuple[str, ...]]:
+    """Read `glare.json` of a folder, and notes; None where there is none of these `settings`.
 
     Raises
     ------
@@ -113,11 +121,15 @@ def stored_glare(folder: Path) -> StoredGlare | None:
     """
     path = folder / "glare.json"
     if not path.exists():
-        return None
+        return None, ()
     remedy = "run drcmitsuba glare again"
     content = storage.load_json(path, "glare", LARGEST_FILE, remedy)
     try:
-        return StoredGlare.model_validate(content)
+        glare = StoredGlare.model_validate(content)
+        known = glare.settings
+        if known and any(known.get(table) != settings.get(table) for table in SEEN):
+            return None, ("glare.json is of another façade, room or sky, and left out",)
+        return glare, ()
     except ValidationError as error:
         got = str(error).splitlines()[0][:120]
         raise InputError(path, "glare", got, remedy) from None

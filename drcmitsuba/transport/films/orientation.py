@@ -59,11 +59,11 @@ class Mount:
         return si
 
 
-def _frame(normal: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """The pane's x, y and normal; y is the projection of `up`, as in the plugins."""
+def _frame(normal: np.ndarray, up: np.ndarray, level: np.ndarray) -> np.ndarray:
+    """The pane's x, y and normal; y is the projection of `up`, or `level`, as in the plugins."""
     y = up - normal * (up @ normal)
     if np.linalg.norm(y) < 1e-4:
-        y = np.array([0.0, 1.0, 0.0]) - normal * normal[1]
+        y = level - normal * (level @ normal)
     y = y / np.linalg.norm(y)
     return np.array([np.cross(y, normal), y, normal])
 
@@ -72,7 +72,8 @@ def mounts(scene: Scene) -> list[Mount]:
     """Sort the films of a scene by material and orientation."""
     mounted, room = [], scene.enclosure
     for panes in scene.films:
-        n, up = normals(panes.quads), np.array(panes.bsdf.up).ravel()
+        n, bsdf = normals(panes.quads), panes.bsdf
+        up, level = (np.array(each).ravel() for each in (bsdf.up, bsdf.level))
         for normal in np.unique(n.round(6), axis=0):
             quads = panes.quads[np.all(np.abs(n - normal) < 1e-5, axis=1)]
             behind = lit = True  # without a known room, sensors may stand anywhere
@@ -81,6 +82,6 @@ def mounts(scene: Scene) -> list[Mount]:
                 # Straight light reaches the front through other walls' openings.
                 lit = bool((np.abs((room.openings - quads[0, 0]) @ normal) > 1e-3).any())
             sides = (1, -1) if behind else (1,)
-            frame = _frame(normal / np.linalg.norm(normal), up)
-            mounted.append(Mount(panes.bsdf, frame, quads, not (behind or lit), sides))
+            frame = _frame(normal / np.linalg.norm(normal), up, level)
+            mounted.append(Mount(bsdf, frame, quads, not (behind or lit), sides))
     return mounted

@@ -86,6 +86,11 @@ def test_other_materials_are_scaled(material):
     assert after[0] > before[0]
 
 
+def test_a_blackout_blind_takes_a_spectrum_of_what_it_reflects():
+    blind = DiffuserMaterial(type="diffuser", transmittance=0.0, reflectance=0.5)
+    assert tints({"thing": RED}).of(8, surface("thing", blind)).most_through == 0
+
+
 @pytest.mark.parametrize(
     ("name", "material", "words"),
     [

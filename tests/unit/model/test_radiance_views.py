@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drcmitsuba.model.model import Model, View
+from drcmitsuba.model.model import Model, View, joined
 from drcmitsuba.model.radiance import read_points, read_views, views
 from drcmitsuba.runtime.errors import InputError
 
@@ -94,3 +94,10 @@ def test_views_are_scaled_with_the_model_and_angles_are_not():
     assert [view.position for view in scaled] == [(0.5, 1.0, 1.5)] * 2
     assert [view.angles for view in scaled] == [(60.0, 40.0), (30.0, 20.0)]
     assert scaled[0].direction == eye.direction
+
+
+def test_views_of_one_name_in_several_models_are_numbered():
+    eye = View("eye", "v", (0, 0, 1.2), (0, 1, 0), (0, 0, 1), (60, 60))
+    other = replace(eye, position=(1, 0, 1.2))
+    made = joined([Model(views=(eye,)), Model(views=(other, eye))]).views
+    assert [(view.name, view.position[0]) for view in made] == [("eye", 0), ("eye 2", 1)]

@@ -5,8 +5,10 @@ import pytest
 import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
+from drcmitsuba.case.case import Case
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import CieSky, Sunshine, radiance, sun_position
+from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.sky.weather import Site
 
 GENEVA = Site("Geneva", 46.25, 6.13, 1.0, 416.0)
@@ -83,3 +85,20 @@ def test_each_time_is_the_cie_sky_that_was_drawn():
 def test_wrong_input_is_refused(arguments, match):
     with pytest.raises(InputError, match=match):
         Sunshine(*arguments)
+
+
+def test_an_instant_has_the_sky_of_its_hour(tmp_path):
+    """Pictures at half past show the sky that the hour has in the year."""
+    tables = {
+        "sensors": {"corner": (0, 0, 1), "count": (2, 2)},
+        "sky": {"model": "sunshine", "probability": [0.5] * 12},
+        "site": {"latitude": 46.25, "longitude": 6.13, "timezone": 1.0},
+    }
+    case = Case.model_validate(tables)
+    hours = YEAR[11 + 24 * np.arange(60)]
+    of_hours, of_instants = (
+        daylight(case, hours + np.timedelta64(minutes, "m")).sky["sun"].values > 0
+        for minutes in (0, 30)
+    )
+    np.testing.assert_array_equal(of_hours, of_instants)
+    assert 0 < of_hours.sum() < len(hours)
