@@ -115,11 +115,13 @@ def study(
         others = part(progress, done, 1.0)
         if workers is not None:
             _evaluate_elsewhere(plan, rows, folder / "rows", blocks, workers, others)
+        keys = tuple(dict.fromkeys(key for row in rows for key in row))
+        own = {key: plan.stated(key) for key in keys}
         for number, row in enumerate(rows, start=1):
-            lines.append({"row": number, **row, **_line(plan, row, folder / "rows", blocks)})
+            line = _line(plan, row, folder / "rows", blocks)
+            lines.append({"row": number, **own, **row, **line})
             others(number / len(rows))
         blocks.finish()
-        keys = tuple(dict.fromkeys(key for row in rows for key in row))
         table = StudyTable(_ordered(pd.DataFrame(lines), keys), keys)
         table.save(folder)
     return table

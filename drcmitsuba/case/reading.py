@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,13 +17,16 @@ from drcmitsuba.case.spaces import with_tables
 from drcmitsuba.case.sun import Adaptive, check_sun
 from drcmitsuba.case.uses import with_uses
 from drcmitsuba.model.materials import BsdfMaterial, Lambertian
+from drcmitsuba.model.model import Model
 from drcmitsuba.model.window_table import read_windows
 from drcmitsuba.model.windows import with_windows
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.toml import checked, is_file, read_toml
+from drcmitsuba.runtime.toml import checked, choose, is_file, read_toml, shortened
 
 MAX_BYTES = 1 << 20
 """Largest size of a case file [bytes]."""
+MOST_IDLE = 3
+"""Largest number of notes on materials that nothing has."""
 
 
 def load_case(path: str | Path) -> Case:
@@ -60,7 +64,8 @@ def load_case(path: str | Path) -> Case:
 def case_from(tables: dict[str, Any], file: Path) -> Case:
     """Check the tables of a case file; the paths in them are relative to the `file`."""
     case = checked(Case, tables, file)
-    case._source, case._folder = str(file), file.parent
+    # Results name the files, which later commands read from any folder.
+    case._source, case._folder = str(file), file.parent.absolute()
     return with_files(case)
 
 
@@ -124,6 +129,7 @@ def with_files(case: Case) -> Case:
             panes = {x.name: x.material for x in building.layers if x.role == "pane"}
             kinds = panes | {name: case.materials[name] for name in case.panes}
             building = with_windows(building, read_windows(file, [*kinds]), kinds)
+        building = replace(building, notes=(*building.notes, *_unused(case, building)))
         # Sums over groups and meshes of suns count no light by way of mirrors.
         dull = bool(case.groups) or isinstance(case.sun, Adaptive)
         dull = dull or case.effects.components == "off"
@@ -137,3 +143,26 @@ def with_files(case: Case) -> Case:
                 if state.material is not None and not isinstance(state.material, Lambertian):
                     case.materials.setdefault(state.name, state.material)
     return case
+
+
+def _unused(case: Case, building: Model) -> tuple[str, ...]:
+    """Note on materials that no surface of a model has, and that no other table names."""
+    layers = [each for layer in building.layers for each in (layer, *layer.added)]
+    names = {name for layer in layers for name in layer.names}
+    names |= {state.name for layer in layers for state in layer.states}
+    words = {*_texts(case.model_dump(mode="json", exclude={"materials"}))}
+    idle = [name for name in case.materials if name not in names | words]
+    return tuple(
+        f"no surface of the model has the material {shortened(name)} of [materials], and no table "
+        f"names it; {choose(name, sorted(names))}"
+        for name in idle[:MOST_IDLE]
+    )
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """Yield all texts within plain values."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict | list):
+        for each in value.values() if isinstance(value, dict) else value:
+            yield from _texts(each)

@@ -119,6 +119,8 @@ class Study(Table):
         try:
             with file.open(newline="", encoding="utf-8-sig") as text:
                 table = csv.DictReader(text, strict=True)
+                if ";" in (head := (table.fieldnames or [""])[0]):
+                    raise InputError(file, "row", f"semicolons in {head[:60]!r}", "write commas")
                 made = list(itertools.islice(table, MOST_ROWS + 1))
         except (UnicodeDecodeError, csv.Error) as error:
             raise InputError(file, "text", str(error)[:100], "write CSV in UTF-8") from None
@@ -133,6 +135,17 @@ class Study(Table):
         for key, value in row.items():
             _set(tables, key, value)
         return case_from(tables, locate_case(self._case_path))
+
+    def stated(self, key: str) -> Value | None:
+        """Value that the case file has where a row leaves a key out; None for its default."""
+        at: Any = self._tables
+        for quoted, plain in PART.findall(key):
+            name = quoted or plain
+            try:
+                at = at[int(name)] if isinstance(at, list) else at[name]
+            except (KeyError, IndexError, TypeError, ValueError):
+                return None
+        return at if isinstance(at, bool | int | float | str) else None
 
     @property
     def _case_path(self) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -26,6 +27,8 @@ def study(
     scheduler: Scheduler = None,
 ) -> None:
     """Evaluate many variations of a case: a table of their metrics."""
+    from pandas import isna
+
     from drcmitsuba.annual.study import study as evaluate_rows
     from drcmitsuba.annual.workers import opened
     from drcmitsuba.case.study import load_study
@@ -34,9 +37,9 @@ def study(
     with stages() as stage, opened(workers, scheduler) as others, stage("rows") as done:
         made = evaluate_rows(plan, output, cache, done, others, show_progress)
     frame, keys = made.frame, list(made.keys)
-    table = Table("row", *map(escape, keys), "sDA %", "ASE %")
+    table = Table("row", *map(escape, _tails(keys)), "sDA %", "ASE %")
     for _, row in frame.head(MOST_ROWS).iterrows():
-        values = (escape(on_a_line(str(row[key]))) for key in keys)
+        values = ("–" if isna(row[key]) else escape(on_a_line(str(row[key]))) for key in keys)
         shares = ("–" if row["error"] else f"{row[name]:.1f}" for name in ("sDA", "ASE"))
         table.add_row(str(row["row"]), *values, *shares)
     if len(frame) > MOST_ROWS:
@@ -46,3 +49,14 @@ def study(
     for _, row in wrong.head(MOST_ROWS).iterrows():
         print(f"row {row['row']}: {on_a_line(row['error'])}")
     print(f"{len(frame) - len(wrong)} of {len(frame)} rows have metrics; table.csv in {output}")
+
+
+def _tails(keys: Sequence[str]) -> list[str]:
+    """Ends of keys, as short as they differ: "glass.transmittance" of a longer one."""
+    out = []
+    for key in keys:
+        parts, others = key.split("."), [f".{other}" for other in keys if other != key]
+        tails = (".".join(parts[-n:]) for n in range(1, len(parts)))
+        own = (tail for tail in tails if not any(o.endswith(f".{tail}") for o in others))
+        out.append(next(own, key))
+    return out

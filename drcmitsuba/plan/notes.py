@@ -43,8 +43,11 @@ def photon_notes(coefficients: Mapping[str, Any]) -> list[str]:
             )
     smear = coefficients.get("photons_smear", 0.0)
     if smear > MOST_SMEARED:
+        sent = "what panes send to others and on"
+        if any(name.rsplit(" ", 1)[0] for name in ledgers):
+            sent = "what components send there straight"
         remarks.append(
-            f"the squares around the sensors smear what components send there straight by "
+            f"the squares around the sensors smear {sent} by "
             f"{100 * smear:.0f} % (RMS); lower accuracy.sensor_square and raise accuracy.photons"
         )
     return remarks

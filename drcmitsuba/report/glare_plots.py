@@ -99,8 +99,10 @@ def plan(
     ax.update_datalim(at + 1.3 * length * towards)
     ax.set_aspect("equal")
     ax.margins(0.1)
-    ax.set_xlabel("x [m]")
-    ax.set_ylabel("y [m]")
+    ax.set_xlabel("x, east [m]")
+    ax.set_ylabel("y, north [m]")
+    wide, high = ax.dataLim.size
+    figure.set_figwidth(1.8 + float(np.clip(4.4 * wide / max(high, 1e-9), 2.2, 5.6)))
     figure.colorbar(ScalarMappable(norm, colours), ax=ax, label="share of the hours [%]")
     head(ax, title, caption)
     return figure

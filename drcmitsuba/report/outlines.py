@@ -68,7 +68,9 @@ def _of_model(case: Case, points: np.ndarray, sheet: Sheet) -> dict[str, Any]:
     lit = set(shapely.STRtree(parts).query(shapely.points(at), "intersects")[1])
     rooms = [part for i, part in enumerate(parts) if i in lit]
     others = [part for i, part in enumerate(parts) if i not in lit]
-    top = floor_below(model, sheet.above, sheet.high + MARGIN)[1]
+    top = sheet.above  # over the last storey roof lights lie as high as the roof
+    if np.isfinite(top):
+        top = floor_below(model, top, sheet.high + MARGIN)[1]
     hulls = _hulls([layer.quads for layer in model.layers if layer.role == "context"])
     return {
         "room": [ring for part in rooms for ring in rings(part)],

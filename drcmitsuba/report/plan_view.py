@@ -22,8 +22,8 @@ from drcmitsuba.runtime.errors import InputError
 
 LEGIBLE = 0.5
 """Least distance of sensors on paper [inch] at which their values are written."""
-LETTER = 0.62
-"""Width of a bold letter over its size [–]."""
+LETTER, LINE = 0.62, 1.2
+"""Width of a bold letter, and height of a line, over its size [–]."""
 SCALES = Normalize, LogNorm
 """Scales of colours that their limits decide."""
 SMALLEST = 4.5
@@ -132,11 +132,14 @@ def plan(
     shown = np.ma.clip(numbers, norm.vmin, norm.vmax)
     for mark in marks:
         picture = mark.draw(ax, shown, norm, inch)
-    for mark in marks if len(contours) else ():
-        mark.contours(ax, numbers, contours)
+    lined = marks if len(contours) else []
+    of_lines = [text for mark in lined for text in mark.contours(ax, numbers, contours)]
     draw_lines(ax, lines)
     if texts:
-        _write_texts(ax, marks, texts, inch)
+        boxes = _write_texts(ax, marks, texts, inch)
+        for line in of_lines:  # a name hides those of lines that it stands on
+            away = abs(boxes[:, 0] - line.get_position()) - np.array([12, 6]) / 72 / inch
+            line.set_visible(not (away < boxes[:, 1]).all(axis=1).any())
     elif tiles.closest(x, y) * inch >= LEGIBLE:
         _write_numbers(ax, x, y, numbers, norm)
     extend = colour_bar(picture, numbers, bar).extend
@@ -202,11 +205,13 @@ def _write_numbers(
 
 def _write_texts(
     ax: Axes, marks: Sequence[SensorMarks], texts: Mapping[str, str], inch: float
-) -> None:
+) -> np.ndarray:
     """Write a text on each grid in letters that fit into it, its last line alone in a small one.
 
-    `inch` is the length of a metre on paper [inch].
+    `inch` is the length of a metre on paper [inch]. Middles and half sizes of the texts are
+    returned [m], shape (text, 2, 2).
     """
+    boxes = [np.zeros((0, 2, 2))]
     for mark in marks:
         low, high = mark.extent.min(axis=0), mark.extent.max(axis=0)
         lines = texts.get(mark.name, "").split("\n")
@@ -214,8 +219,12 @@ def _write_texts(
             wide = LETTER * max(map(len, written))
             size = 72 * inch * min((high - low)[0] / max(wide, 1), (high - low)[1] / 3)
             if size >= SMALLEST:
+                size = min(size, 10)
                 ax.text(
                     *mark.middle, "\n".join(written), ha="center", va="center", color=INK,
-                    fontsize=min(size, 10), weight="bold", path_effects=halo(2.4, "white"), **NAME,
+                    fontsize=size, weight="bold", path_effects=halo(2.4, "white"), **NAME,
                 )  # fmt: skip
+                half = np.array([wide, LINE * len(written)]) * size / 144 / inch
+                boxes.append(np.stack([mark.middle, half])[None])
                 break
+    return np.concatenate(boxes)

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
+from matplotlib.text import Text
 
 from drcmitsuba.report import tiles
 from drcmitsuba.report.sheets import facing_up
@@ -71,20 +72,22 @@ class SensorMarks:
             return np.zeros((0, 2, 2))
         return self.grid.boundary(passed[self.sensors])
 
-    def contours(self, ax: Axes, numbers: np.ma.MaskedArray, levels: Sequence[float]) -> None:
+    def contours(self, ax: Axes, numbers: np.ma.MaskedArray, levels: Sequence[float]) -> list[Text]:
         """Draw lines of equal values, of all in the plan, between the grid's sensors.
 
-        A grid of a single row has none.
+        A grid of a single row has none. The labels of the lines are returned.
         """
         if self.grid is None or min(self.grid.shape) < 2:
-            return
+            return []
         lines = ax.contour(
             *np.moveaxis(self.grid.centres, -1, 0), self.grid.grid(numbers[self.sensors]), levels,
             colors=LINES["contour"]["color"], linewidths=LINES["contour"]["linewidth"],
         )  # fmt: skip
         lines.set_path_effects(LINES["contour"]["path_effects"])
-        for text in lines.clabel(fmt="{:g}".format, fontsize=9, colors=INK, inline_spacing=2):
+        labels = lines.clabel(fmt="{:g}".format, fontsize=9, colors=INK, inline_spacing=2)
+        for text in labels:
             text.set_path_effects(halo(2.4, "white"))
+        return list(labels)
 
     def draw(self, ax: Axes, shown: np.ma.MaskedArray, norm: Normalize, inch: float) -> Any:
         """Draw the values of all sensors in the plan at those of the grid.

@@ -37,7 +37,8 @@ def charts(frame: pd.DataFrame, keys: Sequence[str]) -> dict[str, Figure]:
     known = frame[frame["sDA"].notna()]
     if len(known) == 0:
         return {}
-    return {"parallel.png": _parallel(known, keys), "scatter.png": _scatter(known)}
+    told = [key for key in keys if known[key].notna().any()]
+    return {"parallel.png": _parallel(known, told), "scatter.png": _scatter(known)}
 
 
 def _positions(column: pd.Series) -> tuple[np.ndarray, list[tuple[float, str]]]:

@@ -10,6 +10,8 @@ import xarray as xr
 import drcmitsuba
 from drcmitsuba import load_case, metrics, schema
 from drcmitsuba.metrics import stored_arrays
+from drcmitsuba.report.outlines import outlines_in_plan
+from drcmitsuba.report.sheets import sheets
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import daylight as light_module
 from drcmitsuba.sky import luminances
@@ -310,8 +312,12 @@ def test_a_film_in_a_roof_turns_with_its_model(tmp_path):
     found = []
     for north in (0, 90, 217):
         (tmp_path / "case.toml").write_text(TURNED.format(north=north))
-        E = drcmitsuba.evaluate(tmp_path / "case.toml").illuminance.isel(time=0)
+        result = drcmitsuba.evaluate(tmp_path / "case.toml")
+        E = result.illuminance.isel(time=0)
         found.append((E["total"].values, E["total_se"].values))
+    at = np.column_stack([E["x"].values, E["y"].values])
+    (sheet,) = sheets(result.illuminance)
+    assert len(outlines_in_plan(result.case, at, sheet)["glazing"]) == 4  # plans show it
     (first, error), *others = found
     assert abs(first[0] - first[1]) > 5 * np.hypot(*error[:2])  # the film has a direction
     for turned, own in others:

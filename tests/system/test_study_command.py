@@ -273,3 +273,29 @@ def test_a_part_of_a_key_in_quotes_may_hold_dots(tmp_path):
     assert set(cases[0].materials) == set(load_case(tmp_path / "case.toml").materials)
     with pytest.raises(InputError, match="no name"):
         plan.case_of({".": 1})
+
+
+def test_an_empty_field_shows_the_value_of_the_case(folder, monkeypatch, capsys):
+    """Lines of the picture go through it, and headings are as short as they differ."""
+    (folder / "rows.csv").write_text(
+        "materials.glass.transmittance,shading.threshold,room.floor\n0.5,,\n,500,\n"
+    )
+    (folder / "rows.toml").write_text('case = "case.toml"\nrows = "rows.csv"\n')
+    plan = load_study(folder / "rows.toml")
+    assert plan.stated("materials.glass.transmittance") == 0.65
+    assert plan.stated("facade.south.strips.0.material") == "glass"
+    assert plan.stated("shading.threshold") is plan.stated("..") is plan.stated("room.9") is None
+    run(monkeypatch, "study", folder / "rows.toml", "-o", folder / "out")
+    table = pd.read_csv(folder / "out" / "table.csv")
+    assert table["materials.glass.transmittance"].tolist() == [0.5, 0.65]
+    shown = capsys.readouterr().out
+    assert "transmittance" in shown
+    assert "materials.glass" not in shown
+    assert "nan" not in shown
+
+
+def test_semicolons_are_refused_in_one_line(folder):
+    (folder / "rows.csv").write_text("room.floor;room.walls\n0.2;0.5\n")
+    (folder / "rows.toml").write_text('case = "case.toml"\nrows = "rows.csv"\n')
+    with pytest.raises(InputError, match=r"semicolons in .room"):
+        load_study(folder / "rows.toml").each()

@@ -45,7 +45,7 @@ def _read_epw(path: Path, lines: list[str]) -> Weather:
         raise InputError(path, "header", text.show(lines[0]), remedy)
     first = tags.index("DATA PERIODS") + 1
     if [field.strip() for field in lines[first - 1].split(",")[1:3]] != ["1", "1"]:
-        remedy = "give one data period of hourly records"
+        remedy = "give one data period of hourly records; finer ones are read from a WEA"
         raise InputError(path, f"line {first}", text.show(lines[first - 1]), remedy)
     site = record.site_of(path, head[1], *head[6:10])
     pick = itemgetter(1, 2, 3, 13, 14, 15, 7)

@@ -330,3 +330,24 @@ def test_a_table_that_states_more_is_another_one():
     stated = case.with_tables(accuracy=Accuracy(paths=Accuracy().paths))
     assert stated is not case
     assert stated.accuracy.model_fields_set == {"paths"}
+
+
+MESH = "v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl glass\nf 1 2 3\n"
+
+
+def test_files_of_a_case_are_known_from_any_folder(tmp_path, monkeypatch):
+    (tmp_path / "c").mkdir()
+    (tmp_path / "c" / "room.obj").write_text(MESH)
+    text = '[model]\nfiles = ["room.obj"]\nunit = "m"\n[materials.{}]\ntype = "glazing"\n'
+    text += "transmittance = 0.6\n[sensors]\npoints = [[0, 0, 1]]\n"
+    text += "[model.reflectances]\nglass = 0.5\n"
+    (tmp_path / "c" / "case.toml").write_text(text.format("glas"))
+    monkeypatch.chdir(tmp_path)
+    case = load_case("c/case.toml")
+    assert case.model.files == (tmp_path / "c" / "room.obj",)
+    (note,) = [note for note in case.building.notes if "[materials]" in note]
+    assert note.startswith('no surface of the model has the material "glas" of [materials]')
+    assert note.endswith('did you mean "glass"?')
+    state = '[groups.pane]\npanes = ["glass"]\nstates = ["glas"]\n'
+    (tmp_path / "c" / "case.toml").write_text(text.format("glas") + state)
+    assert not any("[materials]" in note for note in load_case("c/case.toml").building.notes)

@@ -177,6 +177,18 @@ def test_plan_of_one_value_everywhere(value, tmp_path):
     assert imread(plots.save(figure, tmp_path / "same.png"))[..., :3].std() > 0.02
 
 
+def test_a_name_hides_the_labels_of_contours_under_it():
+    values = grid(9, 9)
+    values[:] = 100.0 * values["y"].values / values["y"].values.max()
+    shown = []
+    for texts in ({}, {"": "a long name\nof a room"}):
+        figure = plots.plan(values, contours=(25, 50, 75), texts=texts)
+        written = [text for text in figure.axes[0].texts if text.get_text() in ("25", "50", "75")]
+        shown.append([text.get_text() for text in written if text.get_visible()])
+    assert sorted(shown[0]) == ["25", "50", "75"]
+    assert sorted(shown[1]) == ["25", "75"]
+
+
 def test_plan_refuses_what_is_no_plan():
     E = grid(3, 3)
     with pytest.raises(InputError, match="dims"):
