@@ -91,17 +91,21 @@ def _hulls(context: list[np.ndarray]) -> Any:
 def _panes(case: Case, low: float, high: float) -> list[np.ndarray]:
     """Outlines (2, 2) of the outer panes in plan that reach between two heights [m].
 
-    A vertical pane is a line; a sloped or level one shows its outline.
+    A vertical pane is a line; a sloped or level one shows its outline. Level ones come last: a
+    section leads away from the first.
     """
     panes = panes_of_model(case.building)
     edges: list[np.ndarray] = []
+    level: list[np.ndarray] = []
     for i, layer in enumerate(case.building.layers):
         outside = panes.polygon[(panes.layer == i) & panes.outside]
         quads = panes.quads[i][np.isin(layer.polygon, outside)]
         z = quads[:, :, 2]
         quads = quads[(z.max(axis=1) > low + MARGIN) & (z.min(axis=1) < high - MARGIN)]
-        if len(quads):
-            lines = outlines(quads)[:, :, :2]
-            long = np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1) > MARGIN
-            edges += [*np.unique(np.round(lines[long], 4), axis=0)]
-    return edges
+        is_level = np.ptp(quads[:, :, 2], axis=1) < MARGIN
+        for some, kind in ((quads[~is_level], edges), (quads[is_level], level)):
+            if len(some):
+                lines = outlines(some)[:, :, :2]
+                long = np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1) > MARGIN
+                kind += [*np.unique(np.round(lines[long], 4), axis=0)]
+    return [*edges, *level]
