@@ -277,6 +277,8 @@ class ChangeProblem:
         by_degrees = moved
         for factor in self.facade.factors:
             p = factor.parameter
+            if p.is_fixed:
+                continue  # it cannot move
             way = dr.abs(values[p.key] - float(self.values_now[p.key][0])) / (p.high - p.low)
             by_degrees = by_degrees + self._glass(factor) * way
         return float(moved[0]) + sum(self._replaced(share.numpy(), values).values()), by_degrees

@@ -22,7 +22,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat_indices
 from drcmitsuba.runtime.toml import choose, shortened
 from drcmitsuba.scene import scene
-from drcmitsuba.scene.geometry import Surface
+from drcmitsuba.scene.geometry import Surface, clockwise
 from drcmitsuba.scene.materials import bsdf, channel_of
 from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 from drcmitsuba.scene.scene import Scene
@@ -180,8 +180,11 @@ def marked(case: Case, state: State, values: Mapping[str, float]) -> tuple[Scene
     sheets: dict[tuple[str, str, Lambertian], list[np.ndarray]] = {}
     others = []
     for surface in surfaces_of(case, state):
-        is_wall = case.room is not None and surface.name in WALLS
-        sides = ("walls", "walls") if is_wall else _names(surface)
+        sides = _names(surface)
+        if case.room is not None and surface.name in WALLS:
+            sides = "walls", "walls"
+        elif surface.component and surface.name == f"{surface.component} ring":
+            sides = "ceiling", "ceiling"  # what is left of it around a round pipe
         if isinstance(surface.material, Lambertian) and not mark.keys().isdisjoint(sides):
             sheets.setdefault((*sides, surface.material), []).append(surface.quads)
         else:
@@ -193,7 +196,8 @@ def marked(case: Case, state: State, values: Mapping[str, float]) -> tuple[Scene
         )
         for (front, back, material), quads in sheets.items()
     ]  # fmt: skip
-    shapes = [*scene.build(others).full.shapes(), *(mesh.shape for mesh in meshes)]
+    unmarked = scene.build(others, clockwise=clockwise(case)).full.shapes()
+    shapes = [*unmarked, *(mesh.shape for mesh in meshes)]
     named = {f"shape{i}": shape for i, shape in enumerate(shapes)}
     full = mitsuba_scene(named)
     return scene.load(case, state).searched(full=full), Kinds(meshes)

@@ -424,6 +424,17 @@ def test_glass_of_another_transmittance_is_changed_in_whole(year, by_tiles):
     assert candidate.slopes.changed[0] == pytest.approx(tile, rel=1e-3)
 
 
+def test_a_transmittance_that_cannot_move_costs_nothing(year, by_tiles):
+    factor = of_glass(by_tiles, glass=0.6).factors[0]
+    held = replace(factor, parameter=Parameter.fixed("glazing_transmittance", 0.6))
+    asked = required(year, "sDA", 60.0)
+    problem = ChangeProblem(replace(by_tiles, factors=(held,)), asked, GLASS, {"glass": 30.0})
+    other = problem.start + 0
+    other[0] = 1.0
+    assert problem.cost(problem.start) == (0.0, pytest.approx(0.0, abs=1e-4))
+    assert problem.cost(other) == pytest.approx(2 * [year.tiles.area[0]], rel=1e-4)
+
+
 def test_panes_of_two_transmittances_have_no_one_of_now(year, by_tiles):
     facade, asked = of_glass(by_tiles, glass=0.6, film=0.4), required(year, "sDA", 60.0)
     with pytest.raises(InputError, match=r"panes have glass 0\.6, film 0\.4; name panes of one"):

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from drcmitsuba import evaluate
+from drcmitsuba.design import surface_kinds
 from drcmitsuba.design.reflectances import Interior, with_reflectances
 from drcmitsuba.runtime import backend
+from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.sky import daylight
 from tests.differences import slopes
 from tests.unit.design.test_design_reflectances import ELSEWHERE, at, case_of, fresh
@@ -59,6 +61,21 @@ def test_light_by_components_equals_a_fresh_simulation(tmp_path, same, kind):
     theirs = fresh(with_reflectances(with_component(kind, tmp_path, 100, 8), ELSEWHERE), year)
     E = np.stack([at(interior, ELSEWHERE)[0] for interior in interiors])
     same(E, other=theirs, within=0.02 if kind == "pipe" else 0.04)
+
+
+def test_the_ring_around_a_round_pipe_is_of_the_ceiling(tmp_path, monkeypatch):
+    case, build = with_component("pipe", tmp_path), surface_kinds.scene.build
+    round_pipe = case.components["pipe"].model_copy(update={"sides": 8})
+    case = case.with_tables(components={"pipe": round_pipe})
+    names = {surface.name for surface in surfaces_of(case, "open")}
+    assert "pipe ring" in names
+    built = []
+    monkeypatch.setattr(
+        surface_kinds.scene, "build", lambda s, *a, **o: built.append(s) or build(s, *a, **o)
+    )
+    surface_kinds.marked(case, "open", surface_kinds.reflectances(case))
+    unmarked = {surface.name for surface in built[0]}
+    assert names - unmarked >= {"pipe ring", "ceiling", "floor"}
 
 
 def with_groups(kind, folder, seed=0, hours=(8, 18)):
