@@ -29,6 +29,7 @@ from drcmitsuba.runtime.toml import choose, shortened
 from drcmitsuba.scene.components import inside
 from drcmitsuba.scene.geometry import boxes, origin, recentred, rotation
 from drcmitsuba.scene.sensors_of_model import (
+    NAME_SPACES,
     NEAR,
     above_floors,
     in_spaces,
@@ -175,7 +176,8 @@ def placed_sensors(case: Case) -> PlacedSensors:
     for pattern in patterns:
         if not any(fnmatchcase(name, pattern) for name in names):
             got = f"no space with sensors is called {shortened(pattern)}"
-            raise InputError(case.source, "output.spaces", got, choose(pattern, names))
+            remedy = choose(pattern, names) if names else NAME_SPACES
+            raise InputError(case.source, "output.spaces", got, remedy)
     wanted = [any(fnmatchcase(space.name, p) for p in patterns) for space in spaces]
     return placed.only(np.array([*wanted, False])[at])
 

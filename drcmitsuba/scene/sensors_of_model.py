@@ -25,6 +25,8 @@ from drcmitsuba.runtime.toml import choose, shortened
 from drcmitsuba.scene.floors_of_model import FloorPart, rooms_of
 from drcmitsuba.scene.panes_of_model import all_surfaces
 
+NAME_SPACES = "outline rooms in [spaces.NAME], or give floors, grids or points in [sensors]"
+"""Remedy where there are no spaces to choose from."""
 NEAR = 1e-3
 """Least distance of a sensor from a surface [m]."""
 FREE = 0.4
@@ -58,7 +60,8 @@ def in_spaces(model: Model, sensors: SpaceSensors, source: str) -> tuple[SensorG
     for pattern in sensors.spaces:
         if not any(fnmatchcase(name, pattern) for name in names):
             got = f"there is no space {shortened(pattern)}"
-            raise InputError(source, "sensors.spaces", got, choose(pattern, names))
+            remedy = choose(pattern, names) if names else f"the model has none: {NAME_SPACES}"
+            raise InputError(source, "sensors.spaces", got, remedy)
     parts = (
         FloorPart(f"{space.name} {k}" if len(space.floors) > 1 else space.name, z, outline)
         for space in model.spaces

@@ -65,6 +65,11 @@ def test_films_of_a_case_turn_to_the_room_and_those_of_a_model_keep_their_corner
         np.testing.assert_allclose(area_vector(glass[0]), drawn if kept else [0, 2, 0], atol=1e-9)
 
 
+def test_a_model_without_spaces_says_what_to_do():
+    with pytest.raises(InputError, match=r"the model has none: outline rooms in \[spaces.NAME\]"):
+        sensor_points(box_room(sensors={"spaces": ["office"]}))
+
+
 def test_panes_of_a_room_of_any_shape():
     case = l_room()
     windows = panes_of_model(case.building)
