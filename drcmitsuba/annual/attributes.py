@@ -41,8 +41,9 @@ def fingerprint(case: Case, enabled_effects: EnabledEffects) -> str:
     if case.output.spaces:
         settings["in_spaces"] = case.output.spaces
     if case.model is not None:
-        del settings["model"]["files"], settings["model"]["windows"]  # by what they hold, with all
-        settings["model"]["content"] = case.building.digest  # the files that they call for
+        # Files count by what is read of them, and of all that they call for.
+        del settings["model"]["files"], settings["model"]["windows"]
+        settings["model"]["content"] = case.building.digest
     if isinstance(case.sensors, PointSensors) and isinstance(case.sensors.points, Path):
         settings["sensors"]["points"] = _digest(case.sensors.points)
     for name, group in case.groups.items():
