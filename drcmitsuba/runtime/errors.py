@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 
 class InputError(ValueError):
     """Bad input, described in one line.
 
     Parameters
     ----------
-    source : str
-        File or part of the input with the mistake.
+    source : str or Path
+        File or part of the input with the mistake; a path in the current folder is told from there.
     field : str
         Key, column, row or argument in the source.
     got : str
@@ -26,13 +28,20 @@ class InputError(ValueError):
     """
 
     def __init__(self, source: object, field: str, got: str, remedy: str) -> None:
-        self.source, self.field, self.got, self.remedy = str(source), field, got, remedy
+        self.source, self.field, self.got, self.remedy = _named(source), field, got, remedy
         parts = (on_a_line(part) for part in (self.source, field, got, remedy))
         super().__init__("{}: {}: {}; {}".format(*parts))
 
     def __reduce__(self) -> tuple[type[InputError], tuple[str, str, str, str]]:
         """Let other processes raise it here."""
         return InputError, (self.source, self.field, self.got, self.remedy)
+
+
+def _named(source: object) -> str:
+    """Name of a source; that of a file in the current folder is short."""
+    if isinstance(source, Path) and source.is_absolute() and Path.cwd() in source.parents:
+        return str(source.relative_to(Path.cwd()))
+    return str(source)
 
 
 LONGEST = 300

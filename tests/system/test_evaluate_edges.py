@@ -146,7 +146,7 @@ def test_a_cie_sky_needs_no_weather_file(evaluate, stamps):
     np.testing.assert_array_equal(E["sun_open"], 0)
     assert result.metrics["settings"]["weather_source"] == "site, no weather file"
     (note,) = result.metrics["settings"]["notes"]
-    assert note.startswith("the period is 2 time stamps, no year")
+    assert note.startswith("the period is 2 time stamps of 60 min each, no year")
 
 
 def test_a_cie_sky_without_its_illuminance_is_refused_with_the_case(evaluate):
