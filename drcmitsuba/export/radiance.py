@@ -116,7 +116,7 @@ def _remarks(case: Case) -> list[str]:
         remarks.append("Radiance simulates all effects of light, whatever the table [effects] says")
     start, turned = origin(case), clockwise(case)
     if turned:
-        remarks.append(f"the scene is turned clockwise by {turned:g}°: its y axis is true north")
+        remarks.append(f"the scene is turned clockwise by {turned:g} degrees: its y axis is north")
     if start.any():
         place = " ".join(f"{v:.10g}" for v in start)
         remarks.append(f"the scene's origin lies at {place} of the case [m]")

@@ -65,6 +65,14 @@ def test_films_go_with_the_scene_and_differences_are_said(run, tmp_path):
     assert "-ss 0" in text
 
 
+def test_a_turned_room_says_so_in_its_script(folder, tmp_path):
+    text = (folder / "case.toml").read_text()
+    (folder / "turned.toml").write_text(text.replace("size = [", "rotation = 30.0\nsize = ["))
+    save_radiance(drcmitsuba.load_case(folder / "turned.toml"), tmp_path / "r")
+    said = "the scene is turned clockwise by 30 degrees: its y axis is north"
+    assert said in (tmp_path / "r" / "simulate.sh").read_text(encoding="ascii")
+
+
 def test_a_case_without_suns_has_no_suns_in_its_script(tmp_path):
     sky = '[sky]\nmodel = "cie"\ntype = "overcast"\n[site]\nlatitude = 46\nlongitude = 6\n'
     (tmp_path / "case.toml").write_text(f"{CASE}\n{sky}timezone = 1\n")
