@@ -320,5 +320,5 @@ class Case(Table):
 
 def _are_same(own: object, other: object) -> bool:
     """Whether two tables have the same values, and the same ones of them were stated."""
-    stated = (getattr(table, "model_fields_set", None) for table in (own, other))
-    return own == other and next(stated) == next(stated)
+    first, second = (getattr(table, "model_fields_set", None) for table in (own, other))
+    return own == other and first == second

@@ -139,8 +139,7 @@ class Study(Table):
     def stated(self, key: str) -> Value | None:
         """Value that the case file has where a row leaves a key out; None for its default."""
         at: Any = self._tables
-        for quoted, plain in PART.findall(key):
-            name = quoted or plain
+        for name in _parts(key):
             try:
                 at = at[int(name)] if isinstance(at, list) else at[name]
             except (KeyError, IndexError, TypeError, ValueError):
@@ -180,11 +179,15 @@ def _value(text: str) -> Value:
     return text
 
 
+def _parts(key: str) -> list[str]:
+    """Names on the way to a value."""
+    return [quoted or plain for quoted, plain in PART.findall(key)]
+
+
 def _set(tables: dict[str, Any], key: str, value: Any) -> None:
     """Set a value by its key, making the tables on its way."""
     at: Any = tables
-    parts = [quoted or plain for quoted, plain in PART.findall(key)]
-    if not parts:
+    if not (parts := _parts(key)):
         raise InputError("study", key, "no name", "give a key such as metrics.sda_threshold")
     *way, last = parts
     for name in way:

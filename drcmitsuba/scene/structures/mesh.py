@@ -11,6 +11,7 @@ from drcmitsuba.model.mesh.obj import obj_polygons
 from drcmitsuba.model.mesh.ply import ply_polygons
 from drcmitsuba.model.source_file import size_of
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene.geometry import is_triangle
 
 MAX_BYTES = 1 << 25
 READERS = {".ply": ply_polygons, ".obj": obj_polygons}
@@ -52,17 +53,12 @@ def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
     triangles = rings.pop(3, np.empty((0, 3), np.int64))
     quads = [polygon_quads(vertices[index], refuse)[0] for index in rings.values()]
     corners = np.concatenate([np.empty((0, 4, 3)), *quads])
-    halves = np.concatenate([corners[:, [0, 1, 2]], corners[_have_four(corners)][:, [0, 2, 3]]])
+    halves = np.concatenate([corners[:, [0, 1, 2]], corners[~is_triangle(corners)][:, [0, 2, 3]]])
     own = len(vertices) + np.arange(3 * len(halves)).reshape(-1, 3)
     faces = np.concatenate([triangles, own])
     if not len(faces):
         raise InputError(path, "mesh", "no triangle", remedy)
     return np.concatenate([vertices, halves.reshape(-1, 3)]), faces
-
-
-def _have_four(corners: np.ndarray) -> np.ndarray:
-    """Whether quads (quad, 4, 3) have four corners; triangles repeat their last one."""
-    return np.asarray((corners[:, 2] != corners[:, 3]).any(axis=1))
 
 
 def _check_rounding(path: Path, points: np.ndarray) -> None:
