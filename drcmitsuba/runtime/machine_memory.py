@@ -5,10 +5,14 @@ from __future__ import annotations
 import os
 import re
 import sys
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 SHARE = 0.75
 """Share of the machine's memory that arrays may take."""
+LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
+"""Files with the limit of a container's memory [bytes]; a word where there is none."""
 STATUS = Path("/proc/self/status")
 """File in which Linux tells of a process."""
 
@@ -16,9 +20,19 @@ STATUS = Path("/proc/self/status")
 def of_machine() -> float:
     """Memory that arrays may take [bytes]."""
     try:
-        return SHARE * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+        physical = float(os.sysconf("SC_PHYS_PAGES")) * os.sysconf("SC_PAGE_SIZE")
     except (AttributeError, ValueError, OSError):  # not POSIX
         return float("inf")
+    return SHARE * min([physical, *_limits()])
+
+
+def _limits() -> Iterator[float]:
+    """Yield limits of a container's memory [bytes]."""
+    for file in LIMITS:
+        with suppress(OSError):
+            text = Path(file).read_text("utf-8").strip()
+            if text.isdigit():
+                yield float(text)
 
 
 def peak_memory() -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import drjit as dr
@@ -137,14 +137,25 @@ class Statistics:
         default_factory=lambda: {name: (Spread(), Spread()) for name in PARTS}
     )
 
+    def __post_init__(self) -> None:
+        self.spreads["direct"] = self.spreads["straight"]
+
+    @property
+    def _are_one(self) -> bool:
+        """Whether direct light is straight light in all replicates so far."""
+        return self.spreads["direct"] is self.spreads["straight"]
+
     def add(self, lights: dict[str, Irradiance], replicates: int) -> None:
         """Add the parts in some replicates, each (replicate · sensor, bin) [sr].
 
-        Where nothing is added to straight light, direct light is the same object.
+        Where nothing is added to straight light, direct light is the same object: both have one
+        sum until some replicates have more.
         """
-        if lights["direct"] is lights["straight"]:
-            self.spreads["direct"] = self.spreads["straight"]
+        if self._are_one and lights["direct"] is lights["straight"]:
             lights = {name: light for name, light in lights.items() if name != "direct"}
+        elif self._are_one:
+            sky, sun = self.spreads["straight"]
+            self.spreads["direct"] = replace(sky), replace(sun)
         for name, light in lights.items():
             for spread, values in zip(self.spreads[name], light, strict=True):
                 spread.add(values.array, replicates)
@@ -153,7 +164,7 @@ class Statistics:
         """Means and standard errors of all parts, each of shape (sensor, bin)."""
         every: dict[str, np.ndarray] = {}
         for name, (sky, sun) in self.spreads.items():
-            if name == "direct" and sky is self.spreads["straight"][0]:
+            if name == "direct" and self._are_one:
                 every |= {f"direct{end}": every[f"straight{end}"].copy() for end in ("", "_se")}
                 continue
             pairs = zip(sky.mean_and_error(), sun.mean_and_error(), strict=True)

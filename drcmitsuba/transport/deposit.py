@@ -150,9 +150,24 @@ class Deposit:
         disks = self.disks(p, n, places, within) if disks is None else disks
         with self.scene.ray_counter.purpose(Stream.SENSORS.name, Draw.SUN.name):
             sun = disks.by_replicate(replicates, sun_samples)
-        fewer = max(self.accuracy.mirrored_sun_samples, sun_samples // FEWER)
-        mirrored = self._mirrored_suns(every_p, every_n, key, fewer, numbers, every_within)
+        mirrored = self.mirrored_on_sensors(p, n, places, replicates, sun_samples, within)
         return Irradiance(sky, sun if mirrored is None else sun + mirrored)
+
+    def mirrored_on_sensors(
+        self, p: mi.Float, n: mi.Float, places: mi.UInt32, replicates: range, sun_samples: int,
+        within: Within = None,
+    ) -> mi.TensorXf | None:  # fmt: skip
+        """D by suns in mirrors, with arguments of `straight_on_sensors`; None without mirrors.
+
+        The shape is (replicate · sensor, sun).
+        """
+        count = len(replicates)
+        fewer = max(self.accuracy.mirrored_sun_samples, sun_samples // FEWER)
+        numbers = dr.concat([number_in_replicate(places, r) for r in replicates])
+        return self._mirrored_suns(
+            repeated(p, count), repeated(n, count), (Stream.SENSORS,), fewer, numbers,
+            repeated_within(within, count),
+        )  # fmt: skip
 
     @cached_property
     def _faces_within(self) -> Within:

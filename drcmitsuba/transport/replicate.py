@@ -91,26 +91,34 @@ class Replicates:
         dr.eval(*D)  # a pending sum would keep all of its parts
         self.cells, self.reached = D, None
         self.panes = tuple(FromPanes(K, None, light) for K, light in parts)
-        if self._is_packed or sum(K.shape[1] for K, _ in parts) >= sum(base.bins):
+        if sum(K.shape[1] for K, _ in parts) >= sum(base.bins):
             self.join()
-        if self.transfer is None:
+        if self.transfer is None or self._follows(self._reached_cells()):
             return
+        if self._has_many_cells and self.panes:
+            self.join()
+            self._reached_cells()
+        self._reflect()
+
+    def _reached_cells(self) -> list[LitCells]:
+        """Find the cells and bins with light, by way of panes and other light."""
+        assert self.cells is not None
         of_panes = [LitCells.by(one.cells, len(self)) for one in self.panes]
         sky = LitCells.by(self.cells.sky, len(self))
-        sun = LitCells.by(self.cells.sun, len(self), sun_tiles(base.suns))
+        sun = LitCells.by(self.cells.sun, len(self), sun_tiles(self.deposits[0].suns))
         self.panes = tuple(
             one._replace(reached=at) for one, at in zip(self.panes, of_panes, strict=True)
         )
         self.reached = sky, sun
-        if not self._follows([*of_panes, sky, sun]):
-            self._reflect()
+        return [*of_panes, sky, sun]
 
     def _follows(self, every: list[LitCells]) -> bool:
         """Whether sensors gather light of cells by way of cells, instead of cells getting it."""
-        if self.transfer is None or self.gathering is None or self._is_packed:
+        if self.transfer is None or self.gathering is None:
             return False
         shining, lit = sum(dr.width(at.shining) for at in every), [dr.width(at.lit) for at in every]
-        return not self.transfer.pays(shining, max(lit), self.gathering)
+        most = MANY * self.deposits[0].accuracy.paths  # sums over paths cost no more
+        return not self.transfer.pays(shining, max(lit), self.gathering, most)
 
     def _reflect(self) -> None:
         """Compute the light that cells get from cells."""
@@ -127,8 +135,8 @@ class Replicates:
         dr.eval(*self.indirect)
 
     @property
-    def _is_packed(self) -> bool:
-        """Whether cells are so many that sums over paths gather their light."""
+    def _has_many_cells(self) -> bool:
+        """Whether cells are so many that sums over paths gather their light after all bounces."""
         if self.transfer is None or self.gathering is None or self.cells is None:
             return False
         return len(self.cells.sky) > MANY * self.deposits[0].accuracy.paths * len(self)
@@ -145,10 +153,9 @@ class Replicates:
 
     def pack(self) -> None:
         """Join the light of cells where they are so many that sums over paths gather it."""
-        if not self._is_packed:
+        if self.indirect is None or not self._has_many_cells:
             return
         assert self.cells is not None
-        assert self.indirect is not None
         self.light = CellLight.of(self.cells.plus(self.indirect))
         self.cells, self.indirect = None, None
 

@@ -14,12 +14,16 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.runtime.launch_size import SENSORS
 from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.schema import describe, positions
+from drcmitsuba.schema import describe, mean_and_error, positions
 from drcmitsuba.sky.sun_models import Blend, Suns, mesh
 from drcmitsuba.transport.coefficients import compute
-from drcmitsuba.transport.rays.straight_suns import straight_suns
+from drcmitsuba.transport.deposit import Deposit
+from drcmitsuba.transport.rays.openings import in_rooms, within_of
+from drcmitsuba.transport.rays.straight_suns import sensor_numbers, straight_suns
 
 HELD_OUT = 48
 """Number of suns that only check the interpolation."""
@@ -153,7 +157,7 @@ def with_straight(
     C: xr.Dataset, scene: Scene, points: np.ndarray, normals: np.ndarray, suns: Suns,
     accuracy: Accuracy,
 ) -> xr.Dataset:  # fmt: skip
-    """Add C of straight sun.
+    """Add C of straight sun, by way of mirrors as well.
 
     Parameters
     ----------
@@ -170,8 +174,35 @@ def with_straight(
         C with `sun_straight` and `sun_straight_se` (sensor, sun) [sr].
     """
     mean, error = straight_suns(scene, points, normals, suns, accuracy)
+    mirrored, own = _mirrored_suns(scene, points, normals, suns, accuracy)
+    mean, error = mean + mirrored, np.hypot(error, own)
     C = C.drop_dims("sun", errors="ignore")
     C = C.assign_coords(sun=np.array(suns.labels, dtype=object))
     return describe(
         C.assign(sun_straight=(("sensor", "sun"), mean), sun_straight_se=(("sensor", "sun"), error))
     )
+
+
+def _mirrored_suns(
+    scene: Scene, points: np.ndarray, normals: np.ndarray, suns: Suns, accuracy: Accuracy
+) -> tuple[np.ndarray, np.ndarray]:
+    """C of suns in mirrors and its standard error [sr], as from `straight_suns`."""
+    mean, error = np.zeros((2, len(points), len(suns.labels)), np.float32)
+    reached = scene.effects.enabled_suns(suns)
+    if not reached.any():
+        return mean, error
+    followed, every = suns.where(reached), range(accuracy.replicates)
+    deposit = Deposit(scene, followed.directions, suns.diameter, None, accuracy, None)
+    for start in range(0, len(points), SENSORS):
+        here = slice(start, min(start + SENSORS, len(points)))
+        some = points[here]
+        within = within_of(scene, some, in_rooms(scene, some))
+        light = deposit.mirrored_on_sensors(
+            flat(some), flat(normals[here]), sensor_numbers(here), every,
+            accuracy.sensor_sun_samples, within,
+        )  # fmt: skip
+        if light is None:
+            break
+        replicates = light.numpy().reshape(len(every), len(some), -1)
+        mean[here, reached], error[here, reached] = mean_and_error(replicates)
+    return mean, error

@@ -214,6 +214,17 @@ def test_memory_is_read_where_there_is_no_proc(monkeypatch, tmp_path):
     assert machine_memory.peak_memory() == pytest.approx(taken, rel=0.01)
 
 
+@pytest.mark.parametrize("text", ["1048576\n", "max\n"])
+def test_the_limit_of_a_container_bounds_the_memory(monkeypatch, tmp_path, text):
+    pytest.importorskip("resource", reason=skips.POSIX.words)
+    (tmp_path / "memory.max").write_text(text)
+    monkeypatch.setattr(machine_memory, "LIMITS", [tmp_path / "none", tmp_path])
+    whole = machine_memory.of_machine()  # neither file can be read
+    monkeypatch.setattr(machine_memory, "LIMITS", [tmp_path / "none", tmp_path / "memory.max"])
+    expected = machine_memory.SHARE * (1 << 20) if text[0] == "1" else whole
+    assert machine_memory.of_machine() == expected < float("inf")
+
+
 def test_memory_of_windows_is_the_largest_working_set(monkeypatch, tmp_path):
     """The third of the ten numbers, after two of 32 bit and before seven of machine size."""
 

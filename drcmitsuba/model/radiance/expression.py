@@ -35,12 +35,12 @@ FUNCTIONS: dict[str, tuple[int, Callable[..., Values]]] = {
     "acos": (1, np.arccos), "atan": (1, np.arctan), "atan2": (2, np.arctan2),
     "sqrt": (1, np.sqrt), "exp": (1, np.exp), "log": (1, np.log), "log10": (1, np.log10),
     "abs": (1, np.abs), "floor": (1, np.floor), "ceil": (1, np.ceil),
-    "min": (2, np.minimum), "max": (2, np.maximum), "mod": (2, np.fmod),
+    "min": (2, np.minimum), "max": (2, np.maximum), "mod": (2, np.mod),
     "bound": (3, lambda low, x, high: np.where(x < low, low, np.where(x > high, high, x))),
     "if": (3, lambda condition, a, b: np.where(np.asarray(condition) > 0, a, b)),
 }  # fmt: skip
 """Functions with their numbers of arguments; `if` takes its first value where the condition is
-positive, `mod` has the sign of its first argument, `bound` keeps its second between the others."""
+positive, `mod` has the sign of its second argument, `bound` keeps its second between the others."""
 
 
 class ExpressionError(ValueError):

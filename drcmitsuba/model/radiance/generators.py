@@ -28,11 +28,11 @@ SLAT_PIECE = 3.0
 
 
 def box(words: Sequence[str], place: FileLine) -> Iterator[Primitive]:
-    """`genbox mat name x y z [-i] [-r radius | -b bevel]`: a box at the origin."""
-    usage = Usage("genbox mat name xsize ysize zsize [-i] [-r radius | -b bevel]", place)
+    """`genbox mat name x y z [-r radius | [-i] [-b bevel]]`: a box at the origin."""
+    usage = Usage("genbox mat name xsize ysize zsize [-r radius | [-i] [-b bevel]]", place)
     given = options(words, 5, {"-i": 0, "-r": 1, "-b": 1}, usage)
     size = np.array([usage.number(word) for word in words[2:5]])
-    if len(given) > 1:
+    if "-r" in given and len(given) > 1:
         raise usage.error(f"{' with '.join(given)}")
     cut = usage.number(given.get("-r", given.get("-b", ["0"]))[0])
     if (size <= 0).any() or not 0 <= 2 * cut < size.min():
@@ -161,7 +161,7 @@ def blinds(words: Sequence[str], place: FileLine) -> Iterator[Primitive]:
     """
     usage = Usage("genblinds mat name depth width height nslats angle [-r|+r rcurv]", place)
     given = options(words, 7, {"-r": 1, "+r": 1}, usage)
-    if len(given) > 1:
+    if "-r" in given and len(given) > 1:
         raise usage.error(f"{' with '.join(given)}")
     depth, width, height = (usage.number(word) for word in words[2:5])
     if min(depth, width, height) <= 0:

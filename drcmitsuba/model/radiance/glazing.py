@@ -123,16 +123,16 @@ def from_functions(definition: Definition, note: Note) -> GlazingMaterial | Diff
         raise primitive.error(got, "give 0 for the three of them, or the pane as BSDF")
     shares = _shares(definition)
     scattered = np.array(numbers[:9]).reshape(3, 3)  # front, back, through
+    of_channel = shares.sum(axis=0).max(axis=0) + scattered[:2].max(axis=0) + scattered[2]
+    most = float(of_channel.max())
+    if not ((scattered >= 0).all() and most <= 1 + 1e-6):
+        got = f"reflectance and transmittance that are no shares of the light: up to {most:.3g}"
+        raise primitive.error(got, "keep each and their sum within 0 and 1")
     front, back, through = (float(luminance(part)) for part in scattered)
     every = np.concatenate([scattered, *shares])
     if np.ptp(every, axis=1).max() > GREY:
         note(greyed(every))
     mirrored, straight = luminance(shares[0]), luminance(shares[1])
-    of_channel = shares.sum(axis=0).max(axis=0) + scattered[:2].max(axis=0) + scattered[2]
-    most = float(of_channel.max())
-    if (scattered < 0).any() or most > 1 + 1e-6:
-        got = f"reflectance and transmittance that are no shares of the light: up to {most:.3g}"
-        raise primitive.error(got, "keep each and their sum within 0 and 1")
     if front == back == through == 0 and mirrored[-1] > 0:
         material, deviation = fitted(luminance(_shares(definition, np.cos(INCIDENCE))[1]),
                                      float(mirrored[-1]))  # fmt: skip
@@ -188,8 +188,12 @@ def _functions(definition: Definition) -> str:
             got = f"no function file {name!r} in {where}"
             raise definition.primitive.error(got, "put the file there")
         return FUNCTION_FILES[known]
-    with path.open("rb") as file:
-        text = file.read(MOST_BYTES + 1)
+    try:
+        with path.open("rb") as file:
+            text = file.read(MOST_BYTES + 1)
+    except OSError as error:
+        got = f"the function file {name!r}: {error.strerror}"
+        raise definition.primitive.error(got, "make it readable") from None
     if len(text) > MOST_BYTES:
         got = f"the function file {name!r} of more than {MOST_BYTES} bytes"
         raise definition.primitive.error(got, "keep what the pane needs")

@@ -128,6 +128,10 @@ def _view(line: str, name: str, place: FileLine) -> View:
     """View that a line states."""
     given = view_options(line, place)
     angles = (*given["-vh"], *given["-vv"])
+    for option in ("-vs", "-vl", "-vo", "-va"):
+        if (value := given.get(option, (0,))[0]) != 0:
+            got = f"{option} {value:g}, which shifts or cuts the picture"
+            raise place.error("view", got, "leave it out")
     return View(
         name=name, kind=given["-vt"], position=tuple(map(float, given["-vp"])),  # type: ignore[arg-type]
         direction=tuple(map(float, given["-vd"])), up=tuple(map(float, given["-vu"])),  # type: ignore[arg-type]

@@ -18,11 +18,13 @@ from drcmitsuba.scene.components.mesh import is_solid, mesh, triangles
 from drcmitsuba.scene.components.of_model import of_model
 from drcmitsuba.scene.components.placed_component import PlacedComponent, check_hole
 from drcmitsuba.scene.components.structure import structure
-from drcmitsuba.scene.geometry import SIDES, boxes, normals, overhead, wall
+from drcmitsuba.scene.geometry import SIDES, Port, boxes, normals, overhead, quad, wall
 from drcmitsuba.scene.structures.solid import winding
 
 NEAR = 1e-6
 """Distance below which a point lies in a wall's plane [m]."""
+MARGIN = 1e-6
+"""Distance beyond an opening's edge at which a point still lies in it, as a share of the edge."""
 IN_A_WALL = "it lies in a wall", "move it into an opening"
 TURNED = "it turns its back on every opening", "give its corners in the other order"
 DARK = (IN_A_WALL, TURNED)
@@ -108,14 +110,19 @@ def _checked_ports(
     """Components with ports that light can reach.
 
     Every port from the case file, a light pipe, a duct or a structure has to be fit. A mesh without
-    own ports keeps the fit faces of its bounding box, at least one.
+    own ports keeps the fit faces of its bounding box, at least one; a face in the plane of openings
+    gives way to its parts in them.
     """
     openings, solids = _openings(case, placed_components), list(_solids(case))
     for placed in placed_components:
         component = case.components[placed.name]
         by_box = isinstance(component, MeshComponent) and not component.ports
+        if by_box:
+            quads = (_parts_in_openings(port.quad, openings) for port in placed.ports)
+            ports = tuple(Port(placed.name, part) for parts in quads for part in parts)
+            placed = replace(placed, ports=ports)
         faults = [_fault(case, port.quad, openings, solids) for port in placed.ports]
-        if by_box:  # a face partly in a wall or a solid stays a port
+        if by_box:  # a face partly in a solid stays a port
             faults = [fault if fault in DARK else None for fault in faults]
         for i, fault in enumerate(faults):
             if fault is not None and (not by_box or None not in faults):
@@ -165,10 +172,36 @@ def _fault(
 
 def _in_an_opening(points: np.ndarray, openings: np.ndarray) -> bool:
     """Whether each point (point, 3) lies in one of the rectangles (opening, 4, 3)."""
+    there, s, t = _places(points, openings)
+    for at in (s, t):
+        there &= (at > -MARGIN) & (at < 1 + MARGIN)
+    return bool(there.any(axis=1).all())
+
+
+def _parts_in_openings(q: np.ndarray, openings: np.ndarray) -> list[np.ndarray]:
+    """Parts of a rectangle (4, 3) in openings of its plane, along whose edges its own ones lie.
+
+    A rectangle that meets no opening is whole.
+    """
+    parts, (there, *places) = list[np.ndarray](), _places(q, openings)
+    for i in np.flatnonzero(there.all(axis=0)):
+        a, b = (np.clip([at[:, i].min(), at[:, i].max()], 0, 1) for at in places)
+        if min(*np.diff(a), *np.diff(b)) <= MARGIN:
+            continue
+        corner, along, _, up = openings[i]
+        u, v = along - corner, up - corner
+        part = quad(corner + a[0] * u + b[0] * v, np.diff(a) * u, np.diff(b) * v)
+        parts.append(part if normals(part[None])[0] @ normals(q[None])[0] > 0 else part[::-1])
+    return parts or [q]
+
+
+def _places(points: np.ndarray, openings: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Whether points (point, 3) lie in the planes of openings, and where along their two edges.
+
+    The arrays have the shape (point, opening); the places are 0 to 1 within an opening.
+    """
     u, v = openings[:, 1] - openings[:, 0], openings[:, 3] - openings[:, 0]
     from_corner = points[:, None] - openings[None, :, 0]
     across = np.einsum("poi,oi->po", from_corner, normals(openings)) if len(openings) else 0.0
     s, t = (np.einsum("poi,oi->po", from_corner, e) / (e * e).sum(axis=1) for e in (u, v))
-    margin = 1e-6
-    there = (abs(across) < NEAR) & (s > -margin) & (s < 1 + margin) & (t > -margin)
-    return bool((there & (t < 1 + margin)).any(axis=1).all())
+    return np.broadcast_to(abs(across) < NEAR, s.shape).copy(), s, t

@@ -14,7 +14,7 @@ A film is exposed where nothing lies beyond its plane. All of it is then lit ali
 product of matrices, of the weights w by cell and of the radiance of every cell.
 
 Limits: light from a film or a diffusing pane to another film is not followed here, but by photons
-(`photons`, effect `pane_to_pane`); nor is a film that is seen through the straight view of another.
+(`photons`, effect `pane_to_pane`).
 """
 
 from __future__ import annotations

@@ -12,6 +12,10 @@ import numpy as np
 from drcmitsuba.scene.geometry import normals
 from drcmitsuba.scene.scene import Scene
 
+PARALLEL = 1e-3
+"""Largest difference of a component of unit normals of one orientation: corners of a pane that are
+rounded to millimetres turn it by less."""
+
 
 @dataclass(frozen=True)
 class Mount:
@@ -74,8 +78,12 @@ def mounts(scene: Scene) -> list[Mount]:
     for panes in scene.films:
         n, bsdf = normals(panes.quads), panes.bsdf
         up, level = (np.array(each).ravel() for each in (bsdf.up, bsdf.level))
+        left = np.ones(len(n), bool)
         for normal in np.unique(n.round(6), axis=0):
-            quads = panes.quads[np.all(np.abs(n - normal) < 1e-5, axis=1)]
+            mine = left & (np.abs(n - normal).max(axis=1) < PARALLEL)
+            if not mine.any():
+                continue
+            quads, left = panes.quads[mine], left & ~mine
             behind = lit = True  # without a known room, sensors may stand anywhere
             if room is not None:
                 behind = bool(((scene.corners - quads[0, 0]) @ normal < -1e-3).any())

@@ -277,10 +277,13 @@ class Transfer:
 
         return columns
 
-    def pays(self, bins: int, lit: int, sensors: int) -> bool:
-        """Whether Y of so many bins takes fewer multiplications than `followed` from lit cells."""
+    def pays(self, bins: int, lit: int, sensors: int, most: int) -> bool:
+        """Whether Y of so many bins takes fewer multiplications than `followed` from lit cells.
+
+        A sensor gathers Y by no more than `most` multiplications for each bin.
+        """
         blocks, rays = self.blocks.count, self.steps * SPARSE * dr.width(self.bounces[0].cell)
-        of_light = bins * (blocks * (lit + blocks) + rays + sensors * self.cells)
+        of_light = bins * (blocks * (lit + blocks) + rays + sensors * min(self.cells, most))
         of_sensors = lit * blocks * (blocks + sensors) + sensors * (rays + lit * bins)
         return of_light <= of_sensors
 

@@ -20,6 +20,7 @@ import mitsuba as mi
 from drcmitsuba_plugins.sampling import TO_UNIT, random_bits
 
 from drcmitsuba.runtime.flat_arrays import add_at, flat, row_and_column
+from drcmitsuba.scene.materials import lets_through
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.panes.patches import OFFSET, PanePatches
 from drcmitsuba.transport.rays.even_rays import first_directions
@@ -77,8 +78,13 @@ def looks(
     n = dr.gather(mi.Normal3f, normals, row)
     openings = Openings.of(scene, points, within)  # rays to its panes stay in a box
 
-    def look(patch: mi.UInt32, d: mi.Vector3f, distance: mi.Float, seen: mi.Bool) -> PaneLook:
-        """Weigh directions drawn in either way."""
+    def look(
+        patch: mi.UInt32, d: mi.Vector3f, distance: mi.Float, seen: mi.Bool, *, is_first: bool
+    ) -> PaneLook:
+        """Weigh directions drawn in either way.
+
+        `is_first` tells whether no other patch can lie on the way.
+        """
         pane_normal = dr.gather(mi.Normal3f, normal, patch, seen)
         cos_pane, cosine = dr.dot(pane_normal, -d), dr.dot(n, d)
         seen = seen & (cosine > 0) & (cos_pane != 0)
@@ -88,7 +94,11 @@ def looks(
         tau = visibility(scene, before, seen, openings)
         by_area = dr.square(distance) / (dr.abs(cos_pane) * total_area)
         by_cosine = cosine * dr.inv_pi
-        weight = dr.select(tau > 0, by_cosine * tau / (many * (by_area + by_cosine)), 0)
+        p_cosine = by_cosine
+        if not is_first:  # directions by the cosine law end at the first patch
+            beyond = patches.scene.ray_test(before, coherent=False, active=tau > 0)
+            p_cosine = dr.select(beyond, 0, by_cosine)
+        weight = dr.select(tau > 0, by_cosine * tau / (many * (by_area + p_cosine)), 0)
         return PaneLook(row, dr.select(seen, patch, 0), d, cos_pane > 0, weight)
 
     # Points on the panes.
@@ -97,12 +107,18 @@ def looks(
     y = patches.at(patch, u, b)
     distance = dr.norm(y - p)
     d = (y - p) / dr.maximum(distance, 1e-9)
-    by_point = look(patch, d, distance, mi.Bool(True))
+    by_point = look(patch, d, distance, mi.Bool(True), is_first=not _are_seen_through(scene))
 
     # Directions by the cosine law.
     d = mi.Frame3f(n).to_world(first_directions(index, number, seed))
     hit = patches.scene.ray_intersect_preliminary(mi.Ray3f(p, d), coherent=False)
-    return by_point, look(hit.prim_index // 2, d, hit.t, hit.is_valid())
+    by_direction = look(hit.prim_index // 2, d, hit.t, hit.is_valid(), is_first=True)
+    return by_point, by_direction
+
+
+def _are_seen_through(scene: Scene) -> bool:
+    """Whether a scattering pane may be seen straight through another one."""
+    return any(lets_through(part.material) for part in (*scene.scattering, *scene.films))
 
 
 def pane_transfer(

@@ -14,6 +14,7 @@ from typing import NamedTuple, TypeAlias
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.runtime.flat_arrays import (
     flat,
@@ -185,7 +186,15 @@ class Openings:
         A ray at angle δ ≤ `spread` [rad] to an axis of incidence θ meets the wall, at distance h,
         within h sin δ / (cos θ cos(θ + δ)) of the point where the axis meets it. In doubt yes.
         """
-        result = self.are_elsewhere(row)
+        if self.within is None:
+            return self._passed_any(row, p, d, spread)
+        return _passed_any(self, row, p, d, mi.Float(spread), self.are_elsewhere(row))
+
+    def _passed_any(
+        self, row: mi.UInt32, p: mi.Point3f, d: mi.Vector3f, spread: mi.Float | float
+    ) -> mi.Bool:
+        """Whether cones may leave a room by any of its openings, as `passed`."""
+        result = mi.Bool(False)
         for opening, there in self.of_points(row):
             result |= there & self.passed_one(opening, p, d, spread)
         return result
@@ -248,6 +257,17 @@ class Openings:
             return _axes(*own)[opening]
         table = _table(*own)
         return tuple(dr.gather(mi.Vector3f, table, 5 * opening + k) for k in range(5))
+
+
+@symbolic
+def _passed_any(
+    openings: Openings, row: mi.UInt32, p: mi.Point3f, d: mi.Vector3f, spread: mi.Float,
+    passed: mi.Bool,
+) -> mi.Bool:  # fmt: skip
+    """`Openings.passed` of points that are not `passed` anyway: many others cost no test."""
+    if dr.hint(~passed, exclude=[openings]):
+        passed = openings._passed_any(row, p, d, spread)
+    return passed
 
 
 @lru_cache(maxsize=16)  # every launch in a room asks for the same openings

@@ -175,14 +175,30 @@ class _Test:
         above = dr.dot(self.n, centre) > self.least
         if self.openings is None:
             return above
-        passed = mi.Bool(self.elsewhere)
+        if self.openings.within is None:
+            return above & self.passed(member, centre)
+        return above & _passed(self, member, centre, above & ~self.elsewhere)
+
+    def passed(self, member: mi.UInt32, centre: mi.Vector3f) -> mi.Bool:
+        """Whether each point may see one member each by an opening of its room."""
+        assert self.openings is not None
+        passed = mi.Bool(False)
         for i, (opening, there) in enumerate(self.looks):
             if self.cones:
                 cone = Cone.unpacked(self.cones[i], member)
             else:
                 cone = self.openings.cone(opening, centre, self.radius)
             passed |= there & self.openings.passed_by(opening, self.p, cone)
-        return above & passed
+        return passed
+
+
+@symbolic
+def _passed(test: _Test, member: mi.UInt32, centre: mi.Vector3f, indoors: mi.Bool) -> mi.Bool:
+    """Whether points that lie in rooms, and all others, may see one member each."""
+    passed = mi.Bool(test.elsewhere)
+    if dr.hint(indoors, exclude=[test]):
+        passed = test.passed(member, centre)
+    return passed
 
 
 @symbolic

@@ -28,6 +28,7 @@ def test_definitions_serve_each_other_and_arrays_pass_through():
     np.testing.assert_allclose(value("if(s-.5,1/s,0)", {"s": s}), [0, 1, 0.5])
     np.testing.assert_allclose(value("bound(.5,s,1.5)", {"s": s}), [0.5, 1, 1.5])
     assert float(value("A2+arg(1)+abs(-3)+mod(5,3)", {"A1": 1.0, "A2": 10.0})) == 16
+    assert float(value("mod(-5,3)+10*mod(5,-3)", {})) == 1 - 10  # as `rayinit.cal` has it
 
 
 @pytest.mark.parametrize(

@@ -274,6 +274,8 @@ def test_a_scaled_solid_absorbs_as_much_on_its_way_through(tmp_path):
         ("void BRTDfunc m 10 0 0 0 0 0 0 0 0 0 my.cal 0 9 0 0 0 0 0 0 0 0 0", "'my.cal'"),
         ("void BRTDfunc m 10 0 0 0 0 0 0 f f f . 0 9 0 0 0 0 0 0 .1 .1 .1", "depend on the source"),
         ("void BRTDfunc m 10 0 0 0 .6 .6 .6 0 0 0 . 0 9 0 0 0 .4 .4 .4 .1 .1 .1", "no shares"),
+        ("void BRTDfunc m 10 .1 .1 .1 .6 .6 .6 0 0 0 . 0 9 nan 0 0 0 0 0 0 0 0", "no shares"),
+        ("void BRTDfunc m 10 .1 .1 .1 .6 .6 .6 0 0 0 . 0 9 inf 0 0 0 0 0 0 0 0", "no shares"),
         ("void BRTDfunc m 10 0 0 0 1/0 0 0 0 0 0 . 0 9 0 0 0 0 0 0 0 0 0", "no shares"),
         ("void BRTDfunc m 10 0 0 0 Px 0 0 0 0 0 . 0 9 0 0 0 0 0 0 .1 .1 .1", "'Px'"),
         ("void BRTDfunc m 10 RdotP 0 0 0 0 0 0 0 0 . 0 9 0 0 0 0 0 0 0 0 0", "'RdotP'"),

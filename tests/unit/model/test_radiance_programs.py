@@ -48,6 +48,7 @@ def shapes(primitives):
         "genbox m box 1.5 .25 3 -i",
         "genbox m box 4 5 6 -b .5",
         "genbox m box 4 5 6 -r .5",
+        "genbox m box 4 5 6 -i -b .5",
         "genprism m p 4 0 0 2 0 2 1 0 1",
         "genprism m p 3 0 0 2 0 2 1 -l 0 .5 -3 -c",
         "genprism m p 5 0 0 2 0 2 1 1 .5 0 1 -e",

@@ -218,6 +218,32 @@ def test_points_of_a_grid_in_a_closed_mesh_are_left_out(tmp_path, material):
     assert len(placed.points) == int(np.prod(room.sensors.count)) - int(note.split()[1])
 
 
+def slats(folder, start, low, high):
+    """Mesh of a slat from the south wall's inner face on, x from `low` to `high` [m]."""
+    (folder / "slat.obj").write_text(
+        f"v {low} 0 0\nv {high} 0 0\nv {high} 0.1 1.5\nv {low} 0.1 1.5\nf 1 2 3\nf 1 3 4\n"
+    )
+    slat = {"type": "mesh", "file": str(folder / "slat.obj"), "material": "silver"}
+    strips = [{"bottom": 1.0, "top": 2.0, "material": "open"}]
+    return case(
+        components={"slat": slat | {"position": [0.0, start, 0.8]}},
+        facade={"south": {"strips": strips, "segments": 2, "frame": 0.2}},
+    )
+
+
+@pytest.mark.parametrize("ends", [(0.5, 3.5), (0.0, 4.0)], ids=["beside the wall", "full width"])
+@pytest.mark.parametrize("start", [0.0, 5e-4, 1e-3])
+def test_a_mesh_at_a_wall_has_ports_in_the_openings_that_it_covers(tmp_path, start, ends):
+    """Its box reaches over the frame and the post between both panes."""
+    placed = only(components.place(slats(tmp_path, start, *ends)))
+    at_wall = [p.quad for p in placed.ports if np.ptp(p.quad[:, 1]) == 0 and p.quad[0, 1] < 1e-6]
+    low, high = max(ends[0] - 1e-3, 0.1), min(ends[1] + 1e-3, 3.9)
+    bounds = sorted((*q.min(axis=0)[[0, 2]], *q.max(axis=0)[[0, 2]]) for q in at_wall)
+    expected = [(low, 1.1, 1.9, 1.9), (2.1, 1.1, high, 1.9)]
+    np.testing.assert_allclose(bounds, expected, atol=1e-9)
+    np.testing.assert_allclose(normals(np.array(at_wall)), [[0, 1, 0]] * 2, atol=1e-12)
+
+
 def test_ports_of_a_mesh_that_stands_half_outside_are_kept(tmp_path):
     """The part of a face that a wall covers is dark by itself; the rest lets light in."""
     (tmp_path / "shelf.obj").write_text(

@@ -1,5 +1,8 @@
 """Answers of films to suns by the parts of their disks, and light of exposed films as products."""
 
+from dataclasses import replace
+from itertools import pairwise
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -61,6 +64,20 @@ def test_answer_to_suns_is_the_mean_of_f_over_their_disks(world, diameter, discr
             # By 262,144 directions, those of the program err by 0.2 % and 0.5 % of the largest f.
             margin = 4 * error + discrepancy * values.std() + 1e-5
             assert table[row, k] == pytest.approx(mean, abs=margin)
+
+
+@pytest.mark.parametrize("decimals", [3, 4, 5, 6, 12])
+def test_panes_with_rounded_corners_are_mounted_once(world, decimals):
+    """Rounding turns panes of one façade by up to some thousandths: all have one orientation."""
+    [film], (c, s) = world.films, (np.cos(np.radians(20)), np.sin(np.radians(20)))
+    ends = pairwise([0, 1.1, 2.3, 3.4, 4.7, 6.0])
+    quads = [[[a, 0, 1], [a, 0, 2.5], [b, 0, 2.5], [b, 0, 1]] for a, b in ends]
+    quads = np.array(quads) @ [[c, s, 0], [-s, c, 0], [0, 0, 1]]
+    panes = replace(film, quads=quads.round(decimals))
+    mounted = mounts(replace(world, parts=(panes,)))
+    each = sorted(quad.tobytes() for mount in mounted for quad in mount.quads)
+    assert each == sorted(quad.tobytes() for quad in panes.quads)
+    assert decimals == 3 or len(mounted) == 1
 
 
 def test_parts_of_a_disk(world):

@@ -15,6 +15,7 @@ from drcmitsuba.scene.scene import build
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import coefficients
 from drcmitsuba.transport.mirrors.image_suns import FAINT_CHAIN, LEAST_DRAWN, ImageSuns
+from drcmitsuba.transport.sun_interpolation import with_straight
 from tests.radiance import glass, transmissivity
 
 TAU = 0.9
@@ -157,6 +158,19 @@ def test_a_single_sensor_knows_half_of_an_image_to_a_few_percent():
     share = C["replicates"].values[:, 0] / (0.8 * OMEGA * 0.8)
     assert share.mean() == pytest.approx(0.5, abs=0.01)
     assert 0 < share.std(ddof=1) / np.sqrt(len(share)) < 0.015
+
+
+def test_an_adaptive_sun_has_its_images_beside_straight_light():
+    """Suns of a mesh stand for what is scattered alone: those of the time stamps are mirrored."""
+    sun = np.array([[0.0, -0.8, 0.6], [0.0, 0.8, 0.6], [0.6, 0.8, 0.0]])
+    scene = build([mirror("m", MIRROR, SOUTH_GLASS)])
+    accuracy, none = Accuracy(replicates=4), Suns((), sun[:0], DIAMETER)
+    C = coefficients.compute(scene, POINT, NORTH[None], none, accuracy)
+    suns = Suns(("before", "mirrored", "aside"), sun, DIAMETER)
+    straight = with_straight(C, scene, POINT, NORTH[None], suns, accuracy)["sun_straight"]
+    exact = coefficients.compute(scene, POINT, NORTH[None], suns, accuracy)["straight"]
+    np.testing.assert_allclose(straight, exact.sel(bin=[*suns.labels]), rtol=1e-3)
+    assert straight[0, 0] == pytest.approx(0.8 * OMEGA * 0.8, rel=5e-3)
 
 
 def test_two_mirrors_in_turn_multiply_their_reflectances():

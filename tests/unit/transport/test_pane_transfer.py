@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.model.materials import DiffuserMaterial
 from drcmitsuba.runtime.random_streams import Stream, number_in_replicate
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.transport.deposit import Deposit
@@ -52,6 +53,23 @@ def test_transfer_from_patches_is_t_times_the_form_factor(pane, same):
     factor = polygon_factor(np.zeros(3), corners)
     same(k[:, 1::2], exact=0.4 * factor, within=0.003)  # through the pane, from its back
     same(k[:, 0::2], exact=0.3 * factor, within=0.003)  # off the pane, from its front
+
+
+@pytest.mark.parametrize("height", [0.05, 1.0])
+def test_a_pane_is_seen_through_the_holes_of_a_fabric(height, same):
+    """A black fabric that lets half of the light straight through halves the light of a pane."""
+    fabric = DiffuserMaterial(type="diffuser", transmittance=0, straight=0.5)
+    pane = quad([-2, -2, 2.0], [0, 4, 0], [4, 0, 0])
+    cover = quad([-9, -9, height], [0, 18, 0], [18, 0, 0])
+    scene = scenes.build([surface(diffuser(0.6), pane), surface(fabric, cover)])
+    patches = PanePatches.of([s.quads for s in scene.scattering], 1.0)
+    n, mine = 32, np.flatnonzero(patches.owner == 0)
+    k = by_replicate(
+        pane_transfer(scene, patches, flat(ORIGIN, n), flat(UP, n), rays=1 << 11, seed=7), n
+    )[:, 0]
+    a, u, v = (edges[mine] for edges in (patches.corner, patches.u, patches.v))
+    factor = polygon_factor(np.zeros(3), np.stack([a, a + u, a + u + v, a + v], axis=1))
+    same(k[:, 2 * mine + 1], exact=0.5 * 0.6 * factor, within=0.004)
 
 
 def test_pane_that_fills_the_view_transfers_t():

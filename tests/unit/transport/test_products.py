@@ -141,8 +141,8 @@ def test_what_sensors_gather_is_the_same_by_light_on_cells_and_by_the_matrix_of_
     whole, onward = transfer.followed(every, to_cells, slice(0, 1))
     by_matrix = product(whole, d, None, onward)
     np.testing.assert_allclose(by_matrix.numpy(), by_light.numpy(), rtol=1e-5)
-    assert transfer.pays(1, 1000, 100)
-    assert not transfer.pays(10_000, 100, 100)
+    assert transfer.pays(1, 1000, 100, 1 << 20)
+    assert not transfer.pays(10_000, 100, 100, 1 << 20)
 
 
 def test_the_last_bounces_are_followed_cell_by_cell():
