@@ -260,7 +260,10 @@ def transmittance(scene, ray, active):
         through = dr.select(clear, bsdf.eval_null_transmission(si, active)[0], 0)
         result = dr.select(active, result * through, result)
         active &= result > 0
-        onward = si.spawn_ray(ray.d)
-        onward.maxt = ray.maxt - si.t
+        # Along the ray, beyond what Mitsuba takes off a surface: it ends where it should.
+        off = si.spawn_ray(ray.d).o - si.p
+        least = 1e-3 * dr.norm(off)
+        step = dr.squared_norm(off) / dr.maximum(dr.dot(off, ray.d), least)
+        onward = mi.Ray3f(si.p + step * ray.d, ray.d, ray.maxt - si.t - step, 0, [])
         ray = dr.select(active, onward, ray)
     return result

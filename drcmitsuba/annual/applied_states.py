@@ -56,7 +56,7 @@ def applied_states(case: Case, light: Daylight, run: Run) -> AppliedStates | Non
     with run.timed("sun on the sensors") as done:
         C = transport(
             case, OPEN, light.suns, light.sky.attrs["latitude"], progress=done,
-            run=replace(run, enabled_effects=run.enabled_effects.only_sun),
+            run=replace(run, enabled_effects=run.enabled_effects.only_sun(case.sun)),
         )  # fmt: skip
     direct = illuminance.direct_sun(Coefficients(C.assign_attrs(marked)), light.sky)
     return states_by(direct, case, light, marked)

@@ -26,6 +26,7 @@ from drcmitsuba.scene.pane_groups import Member, PaneGroups
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import Daylight
+from drcmitsuba.sky.luminances import blended
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.elements import LightByElement, compute
 from drcmitsuba.transport.elements.known_year import KnownYear
@@ -87,20 +88,25 @@ class KnownLight:
             return None
         L = luminances_of(daylight, light.labels)
         years = tuple(KnownYear.of(each, L) for each in channels)
-        return cls(years, _suns_of(daylight, light))
+        return cls(years, suns_of(daylight, light))
 
     @classmethod
     def by_bin(cls, channels: tuple[LightByElement, ...], daylight: Daylight) -> KnownLight:
         """Light that few façades take, each of which sums it by its own bins."""
         L = luminances_of(daylight, channels[0].labels)
         years = tuple(YearByBin(each, L) for each in channels)
-        return cls(years, _suns_of(daylight, channels[0]))
+        return cls(years, suns_of(daylight, channels[0]))
 
 
-def _suns_of(daylight: Daylight, light: LightByElement) -> np.ndarray:
-    """Suns that shine in the whole year, positions among all bins, int, shape (sun,)."""
-    every = luminances_of(daylight.every, light.labels)
-    return light.sky_bins + np.flatnonzero(every[:, light.sky_bins :].getnnz(axis=0))
+def suns_of(daylight: Daylight, light: LightByElement) -> np.ndarray:
+    """Bins that stand for the suns that shine in the whole year, int, shape (bin,).
+
+    They are positions among all bins in rising order; patches of the sky may be among them.
+    """
+    every, blend = luminances_of(daylight.every, light.labels), blended(daylight.every.sky)
+    suns = light.sky_bins + np.flatnonzero(every[:, light.sky_bins :].getnnz(axis=0))
+    sky = np.array(light.labels[: light.sky_bins], object)
+    return np.concatenate([np.flatnonzero(np.isin(sky, blend.bins[blend.weights > 0])), suns])
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,7 +274,6 @@ def group_of_sun(
             straight[sensor, at] += shares[e] * straight_of.mean(axis=0)
         out[straight > most] = k
         most = np.maximum(most, straight)
-    out[:, bins < light.sky_bins] = -1  # a sun alone closes a group
     return out
 
 

@@ -37,7 +37,7 @@ from drcmitsuba.transport.windows.deposit import WindowPanes
 from drcmitsuba.transport.windows.light_paths import by_window_and_bounce
 
 SOURCES = ("ground", "sky", "sun")
-MOST_STATES = 4
+MOST_STATES = 12
 """Largest number of states of the façade, those of the most hours."""
 MOST_WINDOWS = 12
 """Largest number of windows that are told apart by their materials, too."""
@@ -113,6 +113,7 @@ class LightTracing:
         return {
             "case": case.name, "by_evaluation": int(self.by_evaluation),
             "settings": json.dumps(settings(case, light), ensure_ascii=False),
+            "hours_left_out": float((~self._within.any(axis=0)).sum() * light.step_hours),
             **{name: light.sky.attrs[name] for name in ("latitude", "longitude")},
         }  # fmt: skip
 

@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from drcmitsuba.cli.options import CaseName, Output, Weather, lengths, load, option
-from drcmitsuba.cli.terminal import show, stages
+from drcmitsuba.cli.terminal import show, show_notes, stages
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -31,7 +31,7 @@ def lights(
     point, the shares of all sensors are written for the report's plan.
     """
     import drcmitsuba
-    from drcmitsuba.report.lights import of_period
+    from drcmitsuba.report.lights import hours_left_out, of_period
     from drcmitsuba.runtime.storage import save_netcdf
 
     points = [lengths(text, (2, 3), "--point", "x,y or x,y,z") for text in point or ()]
@@ -43,6 +43,7 @@ def lights(
             save_netcdf(every, output / "light_of_sensors.nc")
         light = of_period(every).sum("sensor")
         show(_table("all sensors", 100 * light / light.sum()))
+        show_notes(_notes(hours_left_out(every)))
         print(f"results are in {output}")
         return
     with stages() as stage:
@@ -54,7 +55,13 @@ def lights(
         mine = shares.sel(sensor=sensor)
         x, y = float(mine["x"]), float(mine["y"])
         show(_table(f"sensor {sensor} at ({x:.2f}, {y:.2f}) m", mine))
+    show_notes(_notes(hours_left_out(found.dataset)))
     print(f"results are in {output}")
+
+
+def _notes(hours: float) -> list[str]:
+    """Note on hours that are left out."""
+    return [f"{hours:g} h with further states of the façade are left out"] if hours else []
 
 
 def _table(title: str, shares: xr.DataArray) -> Table:

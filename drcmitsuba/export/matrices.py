@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 from scipy.sparse import csr_matrix, diags, hstack
 
+from drcmitsuba.case.groups import VARYING
 from drcmitsuba.export.mtx import write_mtx
 from drcmitsuba.metrics.bin_luminances import factors
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
@@ -72,6 +73,11 @@ def matrices(coefficients: Coefficients, sky: xr.Dataset) -> Matrices:
         if state not in coefficients.states:
             got = f"no state {state}; {int(here.sum())} time stamps take it"
             remedy = "compute the coefficients of this state, or evaluate the case"
+            if state == VARYING:
+                got = (
+                    "E of this year is a sum over groups of panes, of which no state has its own C"
+                )
+                remedy = "export --ill, or a case whose groups take few states"
             raise InputError("coefficients", "state", got, remedy)
         data = coefficients.states[state]
         at = np.flatnonzero(here)

@@ -11,7 +11,7 @@ import numpy as np
 from drcmitsuba.annual.applied_states import AppliedStates, applied_states, states_by
 from drcmitsuba.annual.attributes import attributes
 from drcmitsuba.annual.choice import Choice, ChosenFills
-from drcmitsuba.annual.chosen_facade import ChosenFacade, light_of_channels
+from drcmitsuba.annual.chosen_facade import ChosenFacade, light_of_channels, suns_of
 from drcmitsuba.annual.run import Run
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import APPLIED, State
@@ -93,7 +93,7 @@ class FacadesOfCase:
     def _applied(self, facade: ChosenFacade) -> AppliedStates:
         """State of every moving group."""
         facade = replace(facade, channels=self._sun)
-        bins = np.arange(self._sun[0].sky_bins, len(self._sun[0].labels))
+        bins = suns_of(self.light, self._sun[0])
         marked = facade.attributes
         direct = illuminance.direct_sun(
             Coefficients(facade.straight(bins).assign_attrs(marked)), self.light.sky
@@ -103,7 +103,7 @@ class FacadesOfCase:
     @cached_property
     def _sun(self) -> tuple[LightByElement, ...]:
         """Sun on the sensors by element, in which nothing else is simulated."""
-        effects = self.run.enabled_effects.only_sun
+        effects = self.run.enabled_effects.only_sun(self.case.sun)
         accuracy = self.run.accuracy(self.case)
         kept = next(n for n in range(2, accuracy.replicates + 1) if accuracy.replicates % n == 0)
         with self.run.timed("sun on the sensors") as done:

@@ -20,6 +20,7 @@ from drcmitsuba.scene.components import place
 from drcmitsuba.scene.daylit import refuse_darkness
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.leaks import refuse_leaks
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.sun_visibility import SunVisibility, VisibleSuns
 from drcmitsuba.sky.daylight import Daylight
 
@@ -104,7 +105,8 @@ def plan(case: Case, light: Daylight) -> Plan:
     refuse_leaks(case)
     refuse_darkness(case)
     components = place(case)
-    reach = SunVisibility.of(case, components)
+    # Sensors before a façade get light of suns that reach no opening.
+    reach = None if prepared(case).sensors.outside else SunVisibility.of(case, components)
     everything = VisibleSuns(np.ones(len(light.suns.labels), bool), 0, 0, 1.0)
     suns = light.suns
     reached = everything if reach is None else reach.visible(suns.directions, suns.diameter)

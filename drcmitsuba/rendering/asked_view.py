@@ -34,6 +34,7 @@ def effects_of_view(facade: ViewFacade, fills: Fills, pixels: int) -> EnabledEff
     return replace(
         scope, sky=case.effects.sky != "off", suns=case.effects.suns != "off", shade=True,
         solved_cells=solved.on and scope.depth != 0, channels=channels,
+        sun_visibility=None,  # a view from outside shows what the sun lights there
     )  # fmt: skip
 
 

@@ -36,6 +36,11 @@ def read_lights(
     return data
 
 
+def hours_left_out(lights: xr.Dataset) -> float:
+    """Time in which the façade is in states that were not traced, since there are many [h]."""
+    return float(lights.attrs.get("hours_left_out", 0))
+
+
 def of_period(lights: xr.Dataset) -> xr.DataArray:
     """Light exposure of the period (window, source, bounces, …) [lx h].
 

@@ -8,6 +8,7 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
+from drcmitsuba.case.sun import Sun, ThreePhase
 from drcmitsuba.scene.sun_visibility import SunVisibility
 from drcmitsuba.sky.sun_models import Suns
 
@@ -54,10 +55,10 @@ class EnabledEffects:
     pictures: bool = True
     """Whether plots are drawn."""
 
-    @property
-    def only_sun(self) -> EnabledEffects:
-        """Direct sun alone, by which shades close."""
-        return replace(self, sky=False, ground=False, depth=0, solved_cells=False)
+    def only_sun(self, sun: Sun) -> EnabledEffects:
+        """Direct sun alone, by which shades close; patches of the sky, where these stand for it."""
+        sky = self.sky and isinstance(sun, ThreePhase)
+        return replace(self, sky=sky, ground=False, depth=0, solved_cells=False)
 
     def enabled_suns(self, suns: Suns) -> np.ndarray:
         """Whether each sun is simulated, shape (sun,); the coefficients of the others are 0."""

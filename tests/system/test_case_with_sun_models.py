@@ -1,18 +1,23 @@
 """A case with each of the sun models: what it gives, what lies on disk, what can be used again."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import xarray as xr
 
 import drcmitsuba
 from drcmitsuba import load_case
+from drcmitsuba.annual.applied_states import applied_states
+from drcmitsuba.annual.run import Run
 from drcmitsuba.metrics import evaluate_metrics, illuminance, stored_arrays
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
+from drcmitsuba.plan import plan
 from drcmitsuba.runtime import provenance, storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import luminances
 from tests.fast import slowly
-from tests.system.test_evaluate import CASE, DAYS, changed
+from tests.system.small_room import CASE, DAYS, SHADING, changed
 
 MODELS = ["true_sun", "three_phase", "five_phase", "daysim", "adaptive"]
 
@@ -72,6 +77,41 @@ def test_all_models_give_much_the_same_light_and_only_some_the_same_sun(results)
     assert wrong["adaptive"] < 0.002 < wrong["five_phase"] < 0.02
     assert wrong["three_phase"] > 0.02
     assert wrong["daysim"] > 0.02
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_shades_close_by_direct_sun_alone_as_in_an_evaluation(results, model):
+    """Glare and pictures simulate the direct sun alone; patches may stand for it."""
+    result = results[model]
+    light, run = result.daylight, Run.of(result.case)
+    run = replace(run, enabled_effects=plan(result.case, light).scope)
+    applied = applied_states(result.case, light, run)
+    closed = result.illuminance["shade_closed"].values.ravel() > 0
+    assert 0.05 < closed.mean() < 0.95
+    # Directions on the edges of disks are drawn anew.
+    assert (applied.taken.index.ravel() > 0)[closed].mean() > 0.98
+    assert (applied.taken.index.ravel() > 0)[~closed].mean() < 0.02
+
+
+def test_patches_that_stand_for_the_sun_close_groups_of_known_elements(tmp_path):
+    two_sides = """
+[facade.east]
+strips = [{ bottom = 0.9, top = 2.7, material = "glass" }]
+[groups.south]
+facing = "south"
+material = "shade"
+[groups.east]
+facing = "east"
+material = "shade"
+"""
+    case = case_of(tmp_path, "three_phase", (DAYS, "months = [3]"), (SHADING, two_sides))
+    whole, summed = drcmitsuba.evaluate(case), drcmitsuba.elements(case).evaluate()
+    closed, again = ((r.illuminance["facade_state"] > 0).mean("time") for r in (whole, summed))
+    assert 0.05 < float(closed.min())
+    np.testing.assert_allclose(again, closed, atol=0.03)
+    E, exact = summed.illuminance, whole.illuminance
+    error = np.hypot(E["total_se"], exact["total_se"]) + 1
+    assert float((((E["total"] - exact["total"]) / error) ** 2).mean()) < 4
 
 
 def test_the_adaptive_sun_tells_its_error(results):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import drjit as dr
@@ -28,12 +29,15 @@ OFFSET = 1e-4
 
 Photons start this far before their port, so that rounding leaves a pane in its plane behind them.
 """
+GROUND = 4, 9
+"""Rows and columns of the equal parts of the ground: one source of half of all directions would
+have the photons of a single patch of the sky."""
 PILOT = 4096
 """Number of rays from a port that test its view of sky and ground."""
 
 
 class PhotonSources(NamedTuple):
-    """Suns, or ground and sky patches."""
+    """Suns, or parts of the ground and sky patches."""
 
     centre: np.ndarray
     """Unit vectors to the centres, shape (source, 3)."""
@@ -46,6 +50,8 @@ class PhotonSources(NamedTuple):
     draw: Callable[[Any, Any], Any]
     """Gives a direction to a source, uniform in solid angle, from its index and two uniform
     numbers."""
+    bins: np.ndarray
+    """Bin of every source, int, shape (source,)."""
 
 
 def of_suns(suns: np.ndarray, diameter: float) -> PhotonSources:
@@ -55,15 +61,20 @@ def of_suns(suns: np.ndarray, diameter: float) -> PhotonSources:
     return PhotonSources(
         suns, radius, np.full(len(suns), disk_solid_angle(diameter)), sun_numbers(suns),
         lambda sun, uv: sample_disk(dr.gather(mi.Vector3f, centres, sun), diameter, uv),
+        np.arange(len(suns)),
     )  # fmt: skip
 
 
 def of_sky(subdivision: int) -> PhotonSources:
-    """Ground and sky patches of Reinhart's MF."""
-    patches = Patches(subdivision)
-    low, high, west, east = patches.bounds.T
-    radius = np.hypot((high - low) / 2, np.cos(low) * (east - west) / 2)
-    radius[0], radius[-1] = np.pi / 2, high[-1] - low[-1]
+    """Parts of the ground, and sky patches of Reinhart's MF."""
+    patches, parts = Patches(subdivision), _parts_of_ground()
+    low, high, west, east = np.concatenate([parts, patches.bounds[1:]]).T
+    widest = np.where(low < 0, high, low)
+    radius = np.hypot((high - low) / 2, np.cos(widest) * (east - west) / 2)
+    radius[-1] = high[-1] - low[-1]
+    up, around = (low + high)[: len(parts)] / 2, (west + east)[: len(parts)] / 2
+    level = np.cos(up)
+    middles = np.stack([level * np.sin(around), level * np.cos(around), np.sin(up)], axis=1)
     columns = [flat(column) for column in (np.sin(low), np.sin(high), west, east)]
 
     def draw(patch: mi.UInt32, uv: mi.Point2f) -> mi.Vector3f:
@@ -73,8 +84,22 @@ def of_sky(subdivision: int) -> PhotonSources:
         level = dr.safe_sqrt(1 - z * z)
         return mi.Vector3f(level * sine, level * cosine, z)
 
-    numbers = np.arange(len(patches), dtype=np.uint32)
-    return PhotonSources(patches.directions, radius, patches.solid_angles, numbers, draw)
+    numbers = np.arange(1, len(patches)), len(patches) + np.arange(len(parts))
+    return PhotonSources(
+        np.concatenate([middles, patches.directions[1:]]), radius,
+        np.concatenate([np.full(len(parts), 2 * np.pi / len(parts)), patches.solid_angles[1:]]),
+        np.concatenate(numbers[::-1]).astype(np.uint32), draw,
+        np.concatenate([np.zeros(len(parts), int), numbers[0]]),
+    )  # fmt: skip
+
+
+def _parts_of_ground() -> np.ndarray:
+    """Bounds of the ground's parts: low, high, west and east [rad], shape (part, 4)."""
+    rows, columns = GROUND
+    heights = -np.arcsin(np.arange(rows + 1) / rows)
+    turns = 2 * np.pi * np.arange(columns + 1) / columns
+    rings = [(low, high) for high, low in pairwise(heights)]
+    return np.array([(*ring, *turn) for ring in rings for turn in pairwise(turns)])
 
 
 class Start(NamedTuple):
@@ -85,8 +110,8 @@ class Start(NamedTuple):
     """Direction of travel."""
     flux: mi.Float
     """Flux per unit radiance of the source [m² sr]."""
+    source: mi.UInt32
     bin: mi.UInt32
-    """Index of the source."""
     by_pane: mi.Bool
     """Whether the way from the source passes one of `ChangingPanes`."""
 
@@ -225,7 +250,9 @@ class ComponentPorts:
         if panes is not None and self.name and panes.stand_before(self.quads, self.normal):
             self.scene.ray_counter.add("shadow", mi.Bool(True), dr.width(lane))
             by_pane = panes.passed(p, d)
-        return Start(p, -d, self._visible(p, d, dr.select(chance > 0, flux, 0)), source, by_pane)
+        bins = dr.gather(mi.UInt32, flat_indices(sources.bins), source)
+        seen_flux = self._visible(p, d, dr.select(chance > 0, flux, 0))
+        return Start(p, -d, seen_flux, source, bins, by_pane)
 
     def index(self, lane: mi.UInt32, photons: int) -> mi.UInt32:
         """Index of the photon of a lane among the `photons` of its source.

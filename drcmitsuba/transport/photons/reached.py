@@ -45,10 +45,11 @@ class ReachedSurfaces:
         """Mark what paths from points (sensor, 3) meet."""
         paths = -(-PATHS // len(points))
         met = gather(scene, points, normals, replicates=1, paths=paths, grid=grid, seed=seed)
-        count = dr.width(met.key)
-        lane = dr.arange(mi.UInt32, count)
-        p, n = (dr.gather(mi.Vector3f, column, lane) for column in (met.p, met.n))
         marks, vertices = dr.zeros(mi.UInt32, _TABLE), dr.zeros(mi.UInt32, len(grid))
+        if not len(met):  # black surfaces
+            return cls(grid, marks, vertices)
+        lane = dr.arange(mi.UInt32, len(met))
+        p, n = (dr.gather(mi.Vector3f, column, lane) for column in (met.p, met.n))
         add_at(vertices, mi.UInt32(1), met.key)
         for step in (-1, 0, 1):  # rounding may move a point across a border
             dr.scatter(marks, mi.UInt32(1), _field(grid, mi.Point3f(p), n, step))

@@ -208,8 +208,14 @@ class _Kind:
     wanted: np.ndarray
     """Whether each bin sends photons, shape (bin,)."""
     photons: int
-    """Number of photons of a bin from the ports of a component."""
+    """Number of photons of a source from the ports of a component."""
     seed: int
+
+    @property
+    def sends(self) -> np.ndarray:
+        """Whether each source sends photons, shape (source,)."""
+        bins = self.sources.bins
+        return self.wanted[bins] if len(self.wanted) else np.zeros(len(bins), bool)
 
 
 @dataclass(frozen=True)
@@ -233,7 +239,7 @@ class _Source:
         """
         kind, ports, panes = self.kind, self.ports, self.tracer.panes
         listed = panes is not None and bool(ports.name) and some is None
-        could = ports.could(kind.sources)[: len(kind.wanted)] * kind.wanted[:, None]
+        could = ports.could(kind.sources) * kind.sends[:, None]
         traits = Traits.of(ports, panes, self.tracer.imaged, self.tracer.lobed)
         met, counter = [_NO_PHOTONS], ports.scene.ray_counter
         with counter.purpose(Stream.PHOTONS.name, kind.draw.name, ports.name):
@@ -259,7 +265,7 @@ class _Source:
                 here = seen[first : first + block]
                 yield (first + len(here)) / len(seen), here, dr.arange(mi.UInt32, len(here) * count)
             return
-        place = np.zeros(len(self.kind.wanted), np.uint32)
+        place = np.zeros(len(self.kind.sources.bins), np.uint32)
         place[seen] = np.arange(len(seen))
         lanes = place[some // count] * count + some % count
         for first in range(0, len(lanes), PHOTONS):
@@ -277,7 +283,7 @@ class _Source:
             return lanes, mi.Bool()
         some = Start(*(dr.gather(type(x), x, lanes) for x in start))
         # Mitsuba's sampler is three times slower in a loop than the generator behind it.
-        number = dr.gather(mi.UInt32, mi.UInt32(kind.sources.numbers), some.bin)
+        number = dr.gather(mi.UInt32, mi.UInt32(kind.sources.numbers), some.source)
         index = self.ports.index(dr.gather(mi.UInt32, lane, lanes), kind.photons)
         random = (streams(number, self.seed + apart, index) for apart in (0, SCATTER))
         tracer.areas.grid.prepare()
@@ -300,5 +306,5 @@ class _Source:
             met.append(dr.gather(mi.UInt32, followed, dr.compress(by_pane)))
         for at in met:
             if dr.width(at):
-                bins, index = (dr.gather(mi.UInt32, x, at) for x in (start.bin, lane))
-                yield (bins * count + index % count).numpy()
+                source, index = (dr.gather(mi.UInt32, x, at) for x in (start.source, lane))
+                yield (source * count + index % count).numpy()
