@@ -264,6 +264,7 @@ def transmittance(scene, ray, active):
         off = si.spawn_ray(ray.d).o - si.p
         least = 1e-3 * dr.norm(off)
         step = dr.squared_norm(off) / dr.maximum(dr.dot(off, ray.d), least)
-        onward = mi.Ray3f(si.p + step * ray.d, ray.d, ray.maxt - si.t - step, 0, [])
+        onward = mi.Ray3f(ray)
+        onward.o, onward.maxt = si.p + step * ray.d, ray.maxt - si.t - step
         ray = dr.select(active, onward, ray)
     return result

@@ -46,7 +46,8 @@ class Group(Table):
     """Names of the panes' materials; `*` stands for any text. By default the panes of the model's
     own group of this name, with the states that the model gives them."""
     facing: Direction | None = None
-    """Direction that the outer sides of the panes face; by default any."""
+    """Direction that the outer sides of the panes face, before a [room] is turned by `rotation`; by
+    default any."""
     spaces: Annotated[tuple[Name, ...], Field(max_length=10_000)] = ()
     """Names of a model's spaces in which the panes stand; `*` stands for any text. By default in
     any. The rule of [shading] closes such a group by the sun on sensors of these spaces alone."""

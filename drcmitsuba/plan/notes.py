@@ -6,6 +6,8 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from drcmitsuba.bsdf import advice
 from drcmitsuba.case.accuracy import Target
 from drcmitsuba.case.case import Case
@@ -14,6 +16,7 @@ from drcmitsuba.colour.bands import Bands
 from drcmitsuba.colour.tints import Tints
 from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.plan import panes
+from drcmitsuba.plan.reflected import extent_of_rooms
 from drcmitsuba.scene.daylit import darkness_notes
 from drcmitsuba.scene.leaks import crack_notes
 from drcmitsuba.scene.materials import film
@@ -100,6 +103,18 @@ def notes_on_sum(case: Case) -> list[str]:
     return remarks
 
 
+def _cell_notes(case: Case) -> list[str]:
+    """Note on cells that are large beside the rooms, of which sensors then know little."""
+    extent, size = extent_of_rooms(case), case.accuracy.cell_size
+    least = np.inf if extent is None else float(extent.min())
+    if least >= 2 * size:
+        return []
+    return [
+        f"accuracy.cell_size: cells of {size:g} m in rooms of {least:.2g} m: light of a cell is a "
+        f"mean over it; write {least / 5:.2g} or less"
+    ]
+
+
 def colour_notes(case: Case) -> list[str]:
     """Notes on spectra, which are read and checked; none without bands."""
     if not case.colour.wavelengths:
@@ -112,7 +127,7 @@ def notes(case: Case) -> list[str]:
     of_groups = notes_on_groups(case.building, case.groups)
     remarks = [*case.building.notes, *of_groups, *shade_notes(case)]
     remarks += [*prepared(case).sensors.notes, *crack_notes(case), *darkness_notes(case)]
-    remarks += [*_target_notes(case), *colour_notes(case)]
+    remarks += [*_target_notes(case), *_cell_notes(case), *colour_notes(case)]
     if case.room is not None and (note := box_and_note(case)[1]):
         remarks.append(note)
     for name, material in panes.of(case, BsdfMaterial).items():

@@ -67,7 +67,7 @@ def solved_cells(facts: Facts, depth: int | None, sensors: int | None = None) ->
         mean = " of the mean" * (goal.unit == "%")
         got = f"the target, {goal}{mean}, is near the bias of cells"
         return Effect(False, f"{got}: on paths", {"target": goal.value})
-    extent = _extent(case)
+    extent = extent_of_rooms(case)
     if extent is None:
         return Effect(False, "no room encloses the sensors: on paths")
     x, y, z = extent
@@ -92,7 +92,7 @@ def _groups(case: Case) -> int:
     return len(groups_of(prepared(case).rooms_of(points), len(points)))
 
 
-def _extent(case: Case) -> np.ndarray | None:
+def extent_of_rooms(case: Case) -> np.ndarray | None:
     """Extent of the rooms [m], shape (3,); None without any."""
     if case.room is not None:
         return np.array(case.room.size)

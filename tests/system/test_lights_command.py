@@ -70,6 +70,22 @@ def test_command_writes_a_dataset_and_pictures(case, evaluated, monkeypatch, cap
     assert len(list(folder.glob("lights_*.png"))) == 2
 
 
+def test_hours_of_further_states_are_told(case, evaluated, tmp_path, monkeypatch, capsys):
+    """A folder of its own: reports read lights of a folder."""
+    folder = evaluated[1].save(tmp_path / "results") and tmp_path / "results"
+    monkeypatch.setattr(light_tracing, "MOST_STATES", 1)
+    run(monkeypatch, "lights", case, "--point", "1,1", "-o", folder)
+    closed = evaluated[1].illuminance["shade_closed"].values
+    fewer = min(closed.sum(), (1 - closed).sum())
+    out = capsys.readouterr().out
+    assert f"note: {fewer:g} h with further states of the façade are left out" in out
+    with xr.open_dataset(folder / "lights.nc", engine="h5netcdf") as data:
+        assert data.attrs["hours_left_out"] == fewer > 0
+        assert float(data["hours"].sum()) + fewer == closed.size
+    run(monkeypatch, "report", folder, "-o", tmp_path / "report.html")
+    assert f"{fewer:g} h with further states" in (tmp_path / "report.html").read_text("utf-8")
+
+
 @pytest.mark.parametrize(
     ("points", "line"),
     [

@@ -76,3 +76,19 @@ def test_a_film_whose_file_lacks_a_side_has_a_note(tmp_path, missing, lacking):
     told = [note for note in of_film(file) if "lacks" in note]
     assert len(told) == (lacking is not None)
     assert all(note.startswith("materials.film: ") and lacking in note for note in told)
+
+
+@pytest.mark.parametrize(("size", "count"), [(0.1, 0), (0.45, 1)])
+def test_cells_that_are_large_beside_the_room_are_noted(size, count):
+    """A model in wrong units, for instance: light of its walls is a mean over half of the room."""
+    case = Case.model_validate(
+        {
+            "room": {"size": [0.6, 0.8, 0.5]},
+            "sensors": {"corner": [0.2, 0.2, 0.1], "count": [2, 2], "spacing": 0.2},
+            "accuracy": {"cell_size": size},
+        }
+    )
+    some = [note for note in notes(case) if "cell_size" in note]
+    assert len(some) == count
+    assert all("cells of 0.45 m in rooms of 0.5 m" in note for note in some)
+    assert all(note.endswith("write 0.1 or less") for note in some)

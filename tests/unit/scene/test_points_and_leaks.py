@@ -9,12 +9,14 @@ import shapely
 from drcmitsuba.model.materials import Lambertian
 from drcmitsuba.model.model import SensorGrid
 from drcmitsuba.model.space import Space, SpaceFloor
-from drcmitsuba.plan import notes
+from drcmitsuba.plan import notes, plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.leaks import crack_notes, refuse_leaks
 from drcmitsuba.scene.scene import load
 from drcmitsuba.scene.sensors import placed_sensors, sensor_coordinates, sensor_points
+from drcmitsuba.sky.daylight import daylight
+from drcmitsuba.sky.luminances import at_rows
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficients import compute
 from tests.model_rooms import GLASS, case_of, layer, prism
@@ -97,6 +99,20 @@ def test_a_grid_before_the_facade_is_left_out_beside_others_and_counts_alone():
     meant = placed_sensors(room(facade, model={"leaks": "allow"}))
     assert len(meant.points) == 2
     assert meant.notes == ()
+
+
+def test_sensors_outside_get_suns_that_reach_no_opening():
+    """The window faces south: in an evening of summer the sun stands before no pane."""
+    west = grid("west", [-1.0, 2.0, 1.0], normal=(-1, 0, 0))
+    for case, is_lit in ((room(), False), (room(west), True)):
+        light = daylight(case)
+        x, y, _ = light.sky["sun_direction"].values.T
+        shines = light.sky["sun"].values > 0
+        light = at_rows(light, np.flatnonzero((x < -0.5) & (y > 0.1) & shines)[:1])
+        scope = plan(case, light).scope
+        assert scope.enabled_suns(light.suns).tolist() == [is_lit]
+        C = compute(load(case, effects=scope), *sensor_points(case), light.suns, case.accuracy)
+        assert bool(C["straight"].isel(bin=-1).sum() > 0) == is_lit
 
 
 def test_a_room_without_a_roof_leaks_and_its_points_are_not_outside():

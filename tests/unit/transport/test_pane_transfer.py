@@ -72,6 +72,25 @@ def test_a_pane_is_seen_through_the_holes_of_a_fabric(height, same):
     same(k[:, 2 * mine + 1], exact=0.5 * 0.6 * factor, within=0.004)
 
 
+@pytest.mark.parametrize("straight", [0.3, (0.5, 0.3, 0.0)])
+@pytest.mark.parametrize("tilt", [0.0, 0.5])
+def test_the_straight_part_of_a_pane_behind_glass_takes_nothing_of_what_it_scatters(straight, tilt):
+    """Rays to the pane end before it, however far a clear pane lets them go on."""
+    glass = quad([-9, -9, 1.0], [0, 18, 9 * tilt], [18, 0, 0])
+    k = []
+    for share in (0.0, straight):
+        screen = DiffuserMaterial(type="diffuser", transmittance=0.4, straight=share)
+        pane = quad([-2, -2, 1.2 + 2 * tilt], [0, 4, 0], [4, 0, 0])
+        scene = scenes.build([surface(screen, pane), surface(glazing(0.8), glass)])
+        patches = PanePatches.of([s.quads for s in scene.scattering], 1.0)
+        points = ORIGIN + [[0, 0, 0.0], [60.0, 0, 0], [0, -3.0, 0.3]]
+        normals = np.array([[0, 0, 1.0]] * 3)
+        made = pane_transfer(scene, patches, flat(points), flat(normals), rays=1 << 10, seed=7)
+        k.append(made.numpy())
+    assert k[0][[0, 2]].sum(axis=1).min() > 0.01
+    np.testing.assert_allclose(k[1], k[0], rtol=1e-6)
+
+
 def test_pane_that_fills_the_view_transfers_t():
     scene = scenes.build([plane(0.1, diffuser(0.7, 0.2), front=-1)])
     patches = PanePatches.of([s.quads for s in scene.scattering], 300.0)

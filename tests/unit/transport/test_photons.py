@@ -4,6 +4,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
+from drcmitsuba_plugins.patches import Patches, patch_index
 from drcmitsuba_plugins.sampling import disk_solid_angle
 
 from drcmitsuba.case.accuracy import Accuracy
@@ -18,6 +19,7 @@ from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.cells.cells import CellGrid
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.mirrors import planar_mirrors
+from drcmitsuba.transport.photons.ports import of_sky
 from drcmitsuba.transport.photons.receivers import CellAreas, Squares
 from drcmitsuba.transport.photons.tracer import PhotonTracer
 from tests import ROOT
@@ -119,6 +121,23 @@ def test_glass_film_and_mirror_duct_are_counted_once(same, plain_coefficients):
 
 
 # ---- receivers --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("subdivision", [1, 2, 3])
+def test_parts_of_the_ground_and_patches_are_drawn_within_their_bins(subdivision):
+    sources, patches = of_sky(subdivision), Patches(subdivision)
+    count, each = len(sources.bins), 256
+    assert len(np.unique(sources.numbers)) == count
+    whole = np.bincount(sources.bins, sources.solid_angle, len(patches))
+    np.testing.assert_allclose(whole, patches.solid_angles, rtol=1e-9)
+    source = np.repeat(np.arange(count), each)
+    uv = np.random.default_rng(4).random((2, len(source))) * (1 - 2e-4) + 1e-4
+    d = sources.draw(mi.UInt32(source), mi.Point2f(uv))
+    np.testing.assert_array_equal(patch_index(d, subdivision).numpy(), sources.bins[source])
+    cosine = (d.numpy() * sources.centre[source].T).sum(axis=0)
+    assert (np.arccos(np.clip(cosine, -1, 1)) <= sources.radius[source] + 1e-3).all()
+    ground = d.numpy()[:, sources.bins[source] == 0]
+    np.testing.assert_allclose(ground.mean(axis=1), [0, 0, -0.5], atol=0.02)
 
 
 def test_areas_of_cells_are_those_of_what_light_can_reach():

@@ -26,6 +26,16 @@ def leaves(gap):
     return replace(scene, near=np.array([-gap * np.ones(3), SIZE + gap]))
 
 
+def test_paths_among_black_surfaces_meet_nothing():
+    backend.select()
+    scene = build([Surface("walls", Lambertian(0.0), np.array(box(np.zeros(3), SIZE)))])
+    scene = replace(scene, near=np.array([np.zeros(3), SIZE]))
+    grid = CellGrid.of(scene, 0.3)
+    reached = ReachedSurfaces.of(scene, POINTS, UP, grid, seed=0)
+    assert not dr.any(reached.marks > 0)
+    assert not dr.any(reached.vertices > 0)
+
+
 @pytest.mark.parametrize("gap", [0.04, 0.1])
 def test_only_the_side_counts_that_paths_of_the_sensors_meet(gap):
     backend.select()
