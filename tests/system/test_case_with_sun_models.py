@@ -98,11 +98,13 @@ def test_patches_that_stand_for_the_sun_close_groups_of_known_elements(tmp_path)
 [facade.east]
 strips = [{ bottom = 0.9, top = 2.7, material = "glass" }]
 [groups.south]
+panes = ["*"]
 facing = "south"
-material = "shade"
+states = ["shade"]
 [groups.east]
+panes = ["*"]
 facing = "east"
-material = "shade"
+states = ["shade"]
 """
     case = case_of(tmp_path, "three_phase", (DAYS, "months = [3]"), (SHADING, two_sides))
     whole, summed = drcmitsuba.evaluate(case), drcmitsuba.elements(case).evaluate()

@@ -20,6 +20,7 @@ from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.transport import coefficients, elements, replicate
 from drcmitsuba.transport.interreflection import interior
 from drcmitsuba.transport.interreflection.first_bounce import CellLight
+from drcmitsuba.transport.interreflection.solved_cells import Transfer
 from tests.system.small_room import SHADING, changed, run
 
 ALONE = '[output]\nilluminance = "metrics"\n[accuracy]'
@@ -123,6 +124,7 @@ def test_a_sum_over_groups_goes_on_where_it_was_stopped(tmp_path, monkeypatch, s
 def test_light_that_waits_on_the_disk_is_the_same(tmp_path, monkeypatch):
     case = case_of(tmp_path, (SHADING, ""))
     monkeypatch.setattr(replicate, "MANY", 0)
+    monkeypatch.setattr(Transfer, "pays", lambda *_: True)
     held = drcmitsuba.evaluate(case)
     parked, park = [], CellLight.parked
     monkeypatch.setattr(coefficients, "HELD", 0)
