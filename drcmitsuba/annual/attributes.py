@@ -28,6 +28,7 @@ def fingerprint(case: Case, enabled_effects: EnabledEffects) -> str:
     settings = case.model_dump(mode="json", include=names | {"accuracy"})
     for name in ("target", "time_limit"):
         del settings["accuracy"][name]
+    settings["accuracy"]["stated"] = case.accuracy.stated
     chosen = {k: v for k, v in case.effects.overruled.items() if k != "dark_hours"}
     settings |= {
         "effects": chosen,

@@ -118,6 +118,11 @@ class Accuracy(Table):
         return self.model_copy(update=more)
 
     @property
+    def stated(self) -> list[str]:
+        """Settings that few points do not raise, since the case states them."""
+        return sorted(self.model_fields_set & set(MOST_TIMES))
+
+    @property
     def sampling(self) -> dict[str, int | float]:
         """Settings that one simulation depends on: all but the target."""
         return self.model_dump(exclude={"target", "time_limit"})

@@ -61,6 +61,20 @@ def load_case(path: str | Path) -> Case:
     return case
 
 
+def case_of_settings(settings: dict[str, Any], source: str | Path) -> Case:
+    """Case of the settings that results hold; its `[design]`, which no result depends on, is left.
+
+    Settings hold the values of all keys, of which a design has those of its kind alone.
+
+    Raises
+    ------
+    InputError
+        The settings make no case.
+    """
+    known = {k: v for k, v in settings.items() if k in Case.model_fields and k != "design"}
+    return checked(Case, known, source)
+
+
 def case_from(tables: dict[str, Any], file: Path) -> Case:
     """Check the tables of a case file; the paths in them are relative to the `file`."""
     case = checked(Case, tables, file)

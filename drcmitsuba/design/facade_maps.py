@@ -157,6 +157,20 @@ class Window:
         }
         return {key: np.array([value]) for key, value in values.items()}
 
+    def drawn(self, values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Values of the window as it is drawn, which ends at the highest tile."""
+        ends = self._edges(values)
+        sill, top, foot, head = np.minimum(np.stack(ends), self.panes.tiles.bounds[:, 3].max())
+        height, film = top - sill, head - foot
+        play = height - film
+        return values | {
+            self.wwr.key: height * self._width / self.wall,
+            self.dwr.key: np.divide(film, height, out=np.zeros_like(film), where=height > THIN),
+            self.position.key: np.divide(
+                foot - sill, play, out=np.ones_like(play), where=(play > THIN) & (film > THIN)
+            ),
+        }
+
     @property
     def _width(self) -> float:
         """Width of the panes at every height [m]."""
@@ -186,6 +200,10 @@ class Strips:
     def parameters(self) -> tuple[Parameter, ...]:
         """Parameters of the map."""
         return self.window, self.film
+
+    def drawn(self, values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Values as they are drawn: those that are given."""
+        return values
 
     def share(self, values: Values) -> mi.TensorXf:
         """Give the composition, mi.TensorXf (tile, material)."""

@@ -82,6 +82,10 @@ class Map(Protocol):
         """Composition, mi.TensorXf (tile, material); rows add up to 1."""
         ...
 
+    def drawn(self, values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Values of the parameters as the façade is drawn: what its bounds cut off is left out."""
+        ...
+
     def values_of(self, share: np.ndarray) -> Mapping[str, np.ndarray]:
         """Values of the parameters, (count,) each, of a composition (tile, material)."""
         ...

@@ -231,7 +231,8 @@ class FacadeProblem(RatedProblem):
     def named(self, x: np.ndarray) -> dict[str, np.ndarray]:
         """Values of all parameters in their own units, each of shape (count,)."""
         x = np.asarray(x, float)
-        return self._by_key(np.full, lambda begin, count: x[begin : begin + count])
+        values = self._by_key(np.full, lambda begin, count: x[begin : begin + count])
+        return self.facade.drawn(values)
 
     def values(self, x: mi.Float) -> dict[str, mi.Float]:
         """Values of all parameters with the gradients of x (free,), each of width count."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import drjit as dr
@@ -14,10 +14,12 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import State
 from drcmitsuba.design.room_matrices import RoomMatrices
 from drcmitsuba.design.surface_kinds import marked
+from drcmitsuba.plan import plan
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.runtime.random_streams import Stream, launch_seed, number_in_replicate
+from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.scene import Scene, load
 from drcmitsuba.schema import positions
@@ -149,7 +151,8 @@ class TracedRoom:
             raise InputError(case.source, "sensors", "no surface in their sight", "add a [room]")
         gathered, transfer = solved(world, gathered, a, marks)
         # Images of the suns, and photons, know surfaces by the shapes of the scene as loaded.
-        loaded = load(case, state)
+        between = plan(case, daylight).scope.pane_to_pane
+        loaded = load(case, state, effects=replace(ALL_EFFECTS, pane_to_pane=between))
         D = _deposited(case, loaded, daylight, points, normals, gathered, groups, progress)
         met = gathered.met(slice(0, n))
         return cls(

@@ -17,6 +17,7 @@ from drcmitsuba.colour.tints import Tints
 from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.plan import panes
 from drcmitsuba.plan.reflected import extent_of_rooms
+from drcmitsuba.runtime.toml import shortened
 from drcmitsuba.scene.daylit import darkness_notes
 from drcmitsuba.scene.leaks import crack_notes
 from drcmitsuba.scene.materials import film
@@ -103,6 +104,23 @@ def notes_on_sum(case: Case) -> list[str]:
     return remarks
 
 
+def _space_notes(case: Case) -> list[str]:
+    """Note on shades that close by the sun on sensors of spaces that are left out."""
+    known, groups = prepared(case), prepared(case).groups
+    rooms = known.rooms_of(known.receivers.at()[0])
+    if not case.output.spaces or rooms is None:
+        return []
+    kept = {known.spaces[i].name for i in np.unique(rooms[rooms >= 0])}
+    pairs = zip(groups.states.names, groups.spaces, strict=True)
+    names = [name for name, own in pairs if own and kept.isdisjoint(own)]
+    if not names:
+        return []
+    return [
+        f"output.spaces: no sun closes the shades of {shortened(', '.join(names))}, since sensors "
+        "of their spaces are left out: light that comes from there is that of open shades"
+    ]
+
+
 def _cell_notes(case: Case) -> list[str]:
     """Note on cells that are large beside the rooms, of which sensors then know little."""
     extent, size = extent_of_rooms(case), case.accuracy.cell_size
@@ -127,7 +145,7 @@ def notes(case: Case) -> list[str]:
     of_groups = notes_on_groups(case.building, case.groups)
     remarks = [*case.building.notes, *of_groups, *shade_notes(case)]
     remarks += [*prepared(case).sensors.notes, *crack_notes(case), *darkness_notes(case)]
-    remarks += [*_target_notes(case), *_cell_notes(case), *colour_notes(case)]
+    remarks += [*_target_notes(case), *_cell_notes(case), *_space_notes(case), *colour_notes(case)]
     if case.room is not None and (note := box_and_note(case)[1]):
         remarks.append(note)
     for name, material in panes.of(case, BsdfMaterial).items():

@@ -8,11 +8,10 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, Field, ValidationError
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.reading import with_files
+from drcmitsuba.case.reading import case_of_settings, with_files
 from drcmitsuba.metrics import Interval
 from drcmitsuba.runtime import backend, storage
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.toml import checked
 
 MAX_BYTES = 1 << 26
 
@@ -126,8 +125,7 @@ def case_of(numbers: dict[str, Any], file: Path) -> tuple[Case, InputError | Non
     InputError
         The settings in the file make no case.
     """
-    known = {k: v for k, v in numbers["settings"].items() if k in Case.model_fields}
-    case = checked(Case, known, file)
+    case = case_of_settings(numbers["settings"], file)
     if case.model is not None:
         try:
             case = with_files(case)

@@ -86,7 +86,10 @@ def check_llvm() -> None:
     if version[0] < llvm_library.OLDEST:
         number = ".".join(str(v) for v in version)
         needed = f"{llvm_library.OLDEST} or newer is needed"
-        raise BackendError(f"LLVM {number} is unfit, {needed}; {REMEDY}")
+        search, remedy = llvm_library.use(), REMEDY
+        if search.is_late and search.chosen and not search.chosen.fault:
+            remedy = f"import drcmitsuba before Dr.Jit to have {search.chosen.path} taken"
+        raise BackendError(f"LLVM {number} is unfit, {needed}; {remedy}")
 
 
 def _why_no_llvm() -> str:

@@ -274,4 +274,9 @@ def bsdf(material: SurfaceMaterial, channel: int = 0, clockwise: float = 0.0) ->
 
 def _by_incidence(share: float | tuple[float, ...]) -> Any:
     """Share of the light as a plugin takes it: one number, or a table over the cosine."""
-    return mi.TensorXf(np.array(share, np.float32)) if isinstance(share, tuple) else share
+    if not isinstance(share, tuple):
+        return share
+    table = np.array(share, np.float32)
+    if len(table) == 3:  # Mitsuba takes three numbers for a colour, and complains on stderr
+        table = np.interp([0, 1, 2, 3, 4], [0, 2, 4], table).astype(np.float32)
+    return mi.TensorXf(table)

@@ -25,6 +25,8 @@ RAYS = 256
 """Number of rays from each side of a pane."""
 AWAY = 0.02
 """Share of rays that escape from a pane's outer side, at least [–]."""
+SEES_SKY = 0.1
+"""Share of rays that escape by way of other panes from which on a pane has its outer side there."""
 OFFSET = 1e-4
 """Distance of the rays' origins from the pane, per metre of the model's extent."""
 
@@ -83,9 +85,10 @@ def _panes_of(shape: ModelShape) -> ModelPanes:
             np.zeros(0),
             tuple(turned),
         )
-    escaping = _escaping(model, members)
+    escaping = _escaping(all_surfaces(model, mi.variant()), model, members)
+    sides = _sides_of_hidden(model, members, escaping)
     front, frames, width = [], [], []
-    for (i, _, own), (before, behind) in zip(members, escaping, strict=True):
+    for (i, _, own), (before, behind) in zip(members, sides, strict=True):
         inward = normals(turned[i][own[:1]])[0]
         if before > behind:
             inward = -inward
@@ -125,9 +128,40 @@ def all_surfaces(model: Model, variant: str) -> tuple[mi.Scene, np.ndarray, floa
     return scene, low, float((high - low).max())
 
 
-def _escaping(model: Model, members: list[tuple[int, int, np.ndarray]]) -> np.ndarray:
-    """Share of rays that leave the model from both sides of panes, shape (polygon, side)."""
-    scene, low, extent = all_surfaces(model, mi.variant())
+def _sides_of_hidden(
+    model: Model, members: list[tuple[int, int, np.ndarray]], escaping: np.ndarray
+) -> np.ndarray:
+    """Shares as `escaping`, but of panes behind others outside where rays pass those.
+
+    A film of a box window so has its side by the sky that it sees through the outer pane. Panes
+    between rooms see little of it, on either side, and keep theirs.
+    """
+    hidden = np.flatnonzero(escaping.max(axis=1) <= AWAY)
+    if len(hidden) in (0, len(members)):
+        return escaping
+    left = [np.ones(len(layer.quads), bool) for layer in model.layers]
+    for k in np.flatnonzero(escaping.max(axis=1) > AWAY):
+        i, _, mine = members[k]
+        left[i][mine] = False
+    rest = [layer.quads[kept] for layer, kept in zip(model.layers, left, strict=True)]
+    _, low, extent = all_surfaces(model, mi.variant())
+    scene = mitsuba_scene({"all": quad_mesh("all", np.concatenate(rest) - low)})
+    beyond = _escaping((scene, low, extent), model, [members[k] for k in hidden])
+    told = (beyond.max(axis=1) > SEES_SKY) & (beyond.max(axis=1) > 3 * beyond.min(axis=1))
+    out = escaping.copy()
+    out[hidden[told]] = beyond[told]
+    return out
+
+
+def _escaping(
+    surfaces: tuple[mi.Scene, np.ndarray, float], model: Model,
+    members: list[tuple[int, int, np.ndarray]],
+) -> np.ndarray:  # fmt: skip
+    """Share of rays that leave from both sides of panes, shape (polygon, side).
+
+    `surfaces` are as from `all_surfaces`.
+    """
+    scene, low, extent = surfaces
     rng, points, fronts = np.random.default_rng(1), [], []
     for i, _, mine in members:
         quads = model.layers[i].quads[mine] - low

@@ -13,6 +13,7 @@ import xarray as xr
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.metrics import Metrics
+from drcmitsuba.case.reading import case_of_settings
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import drawing, rules_of, settings_of
 from drcmitsuba.metrics.illuminance import illuminance as accumulated
@@ -22,7 +23,6 @@ from drcmitsuba.metrics.intervals.year_draws import closures_of
 from drcmitsuba.metrics.stored_arrays import loaded, open_dataset
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.provenance import METHOD
-from drcmitsuba.runtime.toml import checked
 from drcmitsuba.schema import by_luminance
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.luminances import from_luminances
@@ -178,8 +178,9 @@ class Evidence:
         sky = _sky(folder / "sky.zarr", E)
         year = None if sky is None else _year(folder / "year.zarr", sky)
         settings = settings_of(E.attrs, path, rules_of(E.attrs, path, {}).metrics)
-        known = {k: v for k, v in settings.items() if k in Case.model_fields}
-        arguments = drawing(checked(Case, known, path)) if known else {"rays": None, "seed": 0}
+        arguments: dict[str, Any] = {"rays": None, "seed": 0}
+        if any(key in Case.model_fields for key in settings):
+            arguments = drawing(case_of_settings(settings, path))
         return cls(E, C, sky, arguments, str(folder), year)
 
 

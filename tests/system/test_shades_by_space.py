@@ -10,6 +10,7 @@ import drcmitsuba
 from drcmitsuba import InputError
 from drcmitsuba.annual.variants import evaluate_variants
 from drcmitsuba.design.model_layout import ModelLayout
+from drcmitsuba.plan import notes
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene.prepared_case import prepared
 from tests.system.every_room import GLASS, HONEYBEE, SHADING
@@ -122,3 +123,11 @@ def test_an_eye_sees_the_shade_of_its_own_space(case_of, by_space):
     expected = np.where(closed, shaded, open_)
     assert 0 < closed.mean() < 1
     np.testing.assert_allclose(E.sel(state="applied").values, expected, rtol=1e-4)
+
+
+@pytest.mark.parametrize(("spaces", "left"), [("", ()), ('"Room_2"', NAMES[:1])])
+def test_shades_of_spaces_that_are_left_out_stay_open_with_a_note(case_of, spaces, left):
+    case = case_of(BY_SPACE + f"[output]\nspaces = [{spaces}]\n")
+    some = [note for note in notes(case) if note.startswith("output.spaces")]
+    assert len(some) == len(left)
+    assert all(f'the shades of "{name}", since sensors of their' in some[0] for name in left)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.facade import Facade
-from drcmitsuba.case.reading import MAX_BYTES, load_case
+from drcmitsuba.case.reading import MAX_BYTES, case_of_settings, load_case
 from drcmitsuba.case.shipped import shipped_cases
 from drcmitsuba.runtime.errors import InputError
 from tests import skips
@@ -351,3 +351,14 @@ def test_files_of_a_case_are_known_from_any_folder(tmp_path, monkeypatch):
     state = '[groups.pane]\npanes = ["glass"]\nstates = ["glas"]\n'
     (tmp_path / "c" / "case.toml").write_text(text.format("glas") + state)
     assert not any("[materials]" in note for note in load_case("c/case.toml").building.notes)
+
+
+@pytest.mark.parametrize("name", shipped_cases())
+def test_the_settings_of_results_are_a_case_again(name):
+    """Results hold all keys with their defaults; a design, which has those of its kind, is left."""
+    case = load_case(name)
+    stored = json.loads(json.dumps(case.model_dump(mode="json", exclude_none=True)))
+    again = case_of_settings({**stored, "case": case.source, "weather_source": ""}, "results")
+    left = {"design"}
+    assert again.model_dump(exclude=left) == case.model_dump(exclude=left)
+    assert again.design is None

@@ -54,6 +54,9 @@ class Heights:
     def parameters(self):
         return self.sill, self.head, self.film_bottom, self.film_top
 
+    def drawn(self, values):
+        return values
+
     def share(self, values):
         within = inward(values, self.parameters)
         edges, at = (Edges(*(v[p.key] for p in self.parameters)) for v in (values, within))
@@ -124,6 +127,22 @@ def test_a_window_that_would_reach_beyond_the_tiles_ends_there():
     given = values(sill=1.5, wwr=0.5, dwr=0.0, position=0.0)
     area = window(tiles).share(given).numpy() * tiles.area[:, None]
     np.testing.assert_allclose(area[:, 1], overlap(tiles, 1.5, 2.7), atol=1e-5)
+
+
+@pytest.mark.parametrize(("sill", "position"), [(1.0, 0.3), (1.5, 0.0), (1.5, 1.0), (1.4, 0.5)])
+def test_values_are_told_as_the_window_is_drawn(sill, position):
+    """The same composition follows from them: of what lies beyond the tiles nothing is told."""
+    tiles = Tiles.grid(6, 3)
+    given = {"sill": sill, "wwr": 0.5, "dwr": 0.6, "position": position}
+    map_, given = window(tiles), {key: np.array([value]) for key, value in given.items()}
+    told = map_.drawn(given)
+    shares = [map_.share(values(**each)).numpy() for each in (given, told)]
+    np.testing.assert_allclose(shares[1], shares[0], atol=1e-6)
+    area = (shares[0] * tiles.area[:, None]).sum(axis=0)
+    glazed = area[1:].sum()
+    assert told["wwr"][0] == pytest.approx(glazed / WALL, abs=1e-6)
+    assert told["dwr"][0] * glazed == pytest.approx(area[2], abs=1e-5)
+    assert 0 <= told["position"][0] <= 1
 
 
 def test_strips_are_what_their_tiles_say():

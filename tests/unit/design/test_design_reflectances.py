@@ -7,6 +7,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
+import drcmitsuba
 from drcmitsuba.case.case import Case
 from drcmitsuba.design.reflectances import BOUNDS, Interior, reflectances, with_reflectances
 from drcmitsuba.design.surface_kinds import Kinds, MarkedMesh
@@ -93,6 +94,26 @@ def test_equals_a_fresh_simulation(interiors, year, same, rho):
     E = np.stack([at(interior, rho) for interior in interiors])
     same(E[:, 0], other=fresh(case, year), within=0.01)
     same(E[:, 1], other=fresh(case, year, "shaded"), within=0.01)
+
+
+def test_light_between_mirroring_panes_counts(year):
+    """Glass to the north mirrors the sun that comes in by that to the south."""
+    side = {"strips": [{"bottom": 0.9, "top": 2.8, "material": "glass"}]}
+    tables = {
+        "room": {"size": (4.0, 1.2, 3.0)}, "facade": {"south": side, "north": side},
+        "sensors": {"corner": (0.5, 0.1, 0.8), "count": (8, 3), "spacing": 0.3}, "furniture": [],
+    }  # fmt: skip
+    case = case_of(replicates=4, **tables)
+    materials = case.model_dump(mode="json", exclude_none=True)["materials"]
+    plain = case_of(
+        **tables, materials=materials | {"glass": materials["glass"] | {"reflectance": 0.0}}
+    )
+    direct, without = (
+        Interior.of(each, year).illuminance({}).direct.numpy().mean() for each in (case, plain)
+    )
+    mean = float(drcmitsuba.evaluate(case).illuminance["direct_sun"].mean())
+    assert direct > 1.004 * without
+    assert direct == pytest.approx(mean, rel=1e-3)
 
 
 def film_case(seed=0, replicates=2, **accuracy):

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import drcmitsuba
+from drcmitsuba.model.materials import DiffuserMaterial
+from drcmitsuba.scene.materials import bsdf
 from drcmitsuba.scene.meshes import quad_mesh
 from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 
@@ -64,3 +66,11 @@ def test_all_scenes_are_made_in_one_place():
         and '"type": "scene"' in path.read_text(encoding="utf-8")
     }
     assert made == ALONE
+
+
+def test_a_table_of_three_numbers_is_read_in_silence(variant, capfd):
+    """Mitsuba tries to make a colour of three numbers, and tells that it cannot."""
+    cloth = DiffuserMaterial(type="diffuser", transmittance=(0.3, 0.2, 0.4), straight=(0, 0.1, 0.3))
+    made = mi.traverse(mi.load_dict(bsdf(cloth)))
+    np.testing.assert_allclose(made["straight"], [0, 0.05, 0.1, 0.2, 0.3], rtol=1e-6)
+    assert capfd.readouterr().err == ""

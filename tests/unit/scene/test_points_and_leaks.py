@@ -12,7 +12,9 @@ from drcmitsuba.model.space import Space, SpaceFloor
 from drcmitsuba.plan import notes, plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene.geometry import normals
 from drcmitsuba.scene.leaks import crack_notes, refuse_leaks
+from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.scene import load
 from drcmitsuba.scene.sensors import placed_sensors, sensor_coordinates, sensor_points
 from drcmitsuba.sky.daylight import daylight
@@ -169,3 +171,21 @@ def test_two_panes_with_a_gap_are_a_window():
     case = room(grid("desk", *([x, 1, 0.8] for x in (1, 2, 3))), more=(outer,))
     refuse_leaks(case)
     assert len(crack_notes(case)) <= 1
+
+
+@pytest.mark.parametrize("winding", [1, -1])
+def test_a_film_behind_another_pane_faces_the_room(winding):
+    """Box window: glass a little before the film, closed around; the corners do not matter."""
+    outer = WINDOW - [0, 0.12, 0]
+    collar = [[WINDOW[i], outer[i], outer[i - 1], WINDOW[i - 1]] for i in range(4)]
+    case = room(more=(layer("collar", Lambertian(0.5), *collar), layer("storm", GLASS, outer)))
+    layers = [
+        replace(each, quads=each.quads[:, ::winding]) if each.name == "glass" else each
+        for each in case.building.layers
+    ]
+    panes = panes_of_model(replace(case.building, layers=tuple(layers)))
+    names = [layers[i].name for i in panes.layer]
+    np.testing.assert_allclose(panes.front[names.index("glass")], [0, 1, 0], atol=1e-9)
+    turned = panes.quads[[each.name for each in layers].index("glass")]
+    np.testing.assert_allclose(normals(turned), [[0, 1, 0]] * len(turned), atol=1e-9)
+    assert panes.outside.tolist() == [name == "storm" for name in names]
