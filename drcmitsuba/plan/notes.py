@@ -111,7 +111,7 @@ def _space_notes(case: Case) -> list[str]:
     if not case.output.spaces or rooms is None:
         return []
     kept = {known.spaces[i].name for i in np.unique(rooms[rooms >= 0])}
-    pairs = zip(groups.states.names, groups.spaces, strict=True)
+    pairs = zip(groups.states.names, groups.spaces, strict=False)  # none where none is told
     names = [name for name, own in pairs if own and kept.isdisjoint(own)]
     if not names:
         return []

@@ -131,3 +131,11 @@ def test_shades_of_spaces_that_are_left_out_stay_open_with_a_note(case_of, space
     some = [note for note in notes(case) if note.startswith("output.spaces")]
     assert len(some) == len(left)
     assert all(f'the shades of "{name}", since sensors of their' in some[0] for name in left)
+
+
+@pytest.mark.parametrize("tables", ["", SHADING, GROUPS])
+def test_other_shades_have_no_note_of_spaces_or_one_by_group(case_of, tables):
+    case = case_of(tables + '[output]\nspaces = ["Room_2"]\n')
+    some = [note for note in notes(case) if note.startswith("output.spaces")]
+    assert len(some) == (tables == GROUPS)
+    assert all('"blind_1"' in note for note in some)
