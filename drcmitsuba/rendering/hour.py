@@ -23,7 +23,6 @@ from drcmitsuba.rendering.surface_light import Glowing, HourSources
 from drcmitsuba.rendering.traced_view import TracedView
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.schema import mean_and_error
-from drcmitsuba.sky.sun_models import Suns
 
 
 @dataclass(frozen=True)
@@ -141,7 +140,7 @@ def _tiles(traced: TracedView, outside: OutsideLuminances, sky: np.ndarray) -> I
 def _tables(traced: TracedView, outside: OutsideLuminances, sky: np.ndarray) -> _Tables:
     """Light of an instant, as for `replicates`."""
     light = traced.light
-    sun = outside.sun if _lights(traced, outside) else 0.0
+    sun = outside.sun if traced.scene.effects.suns else 0.0
     sources = HourSources(sky, sun, outside.direction)
     by_sun = light.under(outside.direction) if sun > 0 else None
     glow = light.glow(traced.glow, sources, by_sun)
@@ -149,12 +148,6 @@ def _tables(traced: TracedView, outside: OutsideLuminances, sky: np.ndarray) -> 
     tables = _Tables(light.irradiance(sources, by_sun), flat(sky), glow, caustics, sun)
     dr.eval(tables.cells, glow.whole, glow.rest)
     return tables
-
-
-def _lights(traced: TracedView, outside: OutsideLuminances) -> bool:
-    """Whether the sun shines and can light what is simulated."""
-    suns = Suns(("sun",), outside.direction[None], outside.diameter)
-    return outside.sun > 0 and bool(traced.scene.effects.enabled_suns(suns)[0])
 
 
 def _slots(

@@ -86,7 +86,8 @@ def _panes_of(shape: ModelShape) -> ModelPanes:
             tuple(turned),
         )
     escaping = _escaping(all_surfaces(model, mi.variant()), model, members)
-    sides = _sides_of_hidden(model, members, escaping)
+    is_outside = escaping.max(axis=1) > AWAY
+    sides = _sides_of_hidden(model, members, escaping, is_outside)
     front, frames, width = [], [], []
     for (i, _, own), (before, behind) in zip(members, sides, strict=True):
         inward = normals(turned[i][own[:1]])[0]
@@ -99,7 +100,6 @@ def _panes_of(shape: ModelShape) -> ModelPanes:
         frames.append(rectangle_around(turned[i][own].reshape(-1, 3), front[-1]))
         longest = np.linalg.norm(frames[-1][[1, 3]] - frames[-1][0], axis=1).max()
         width.append(areas(turned[i][own]).sum() / longest)
-    is_outside = escaping.max(axis=1) > AWAY
     turned_north = np.array(front) @ turn(-model.north).T
     facing = tuple(map(side_name, turned_north, is_outside.tolist()))
     of_layer, polygon = (np.array([member[k] for member in members]) for k in (0, 1))
@@ -129,18 +129,19 @@ def all_surfaces(model: Model, variant: str) -> tuple[mi.Scene, np.ndarray, floa
 
 
 def _sides_of_hidden(
-    model: Model, members: list[tuple[int, int, np.ndarray]], escaping: np.ndarray
-) -> np.ndarray:
+    model: Model, members: list[tuple[int, int, np.ndarray]], escaping: np.ndarray,
+    is_outside: np.ndarray,
+) -> np.ndarray:  # fmt: skip
     """Shares as `escaping`, but of panes behind others outside where rays pass those.
 
     A film of a box window so has its side by the sky that it sees through the outer pane. Panes
     between rooms see little of it, on either side, and keep theirs.
     """
-    hidden = np.flatnonzero(escaping.max(axis=1) <= AWAY)
-    if len(hidden) in (0, len(members)):
+    if is_outside.all() or not is_outside.any():
         return escaping
+    hidden = np.flatnonzero(~is_outside)
     left = [np.ones(len(layer.quads), bool) for layer in model.layers]
-    for k in np.flatnonzero(escaping.max(axis=1) > AWAY):
+    for k in np.flatnonzero(is_outside):
         i, _, mine = members[k]
         left[i][mine] = False
     rest = [layer.quads[kept] for layer, kept in zip(model.layers, left, strict=True)]

@@ -161,6 +161,8 @@ class Deposit:
 
         The shape is (replicate · sensor, sun).
         """
+        if not self.mirrors:
+            return None
         count = len(replicates)
         fewer = max(self.accuracy.mirrored_sun_samples, sun_samples // FEWER)
         numbers = dr.concat([number_in_replicate(places, r) for r in replicates])
@@ -182,7 +184,7 @@ class Deposit:
         return within_of(self.scene, self.films.patches.corners_of_faces)
 
     @cached_property
-    def _mirrors(self) -> tuple[ImageSuns | SunLobes, ...]:
+    def mirrors(self) -> tuple[ImageSuns | SunLobes, ...]:
         """Light by way of smooth and of rough mirrors."""
         images = ImageSuns.of(self.scene)
         return (*(() if images is None else (images,)), *SunLobes.of(self.scene))
@@ -206,7 +208,7 @@ class Deposit:
             )  # fmt: skip
         seed = self.seed(key, Draw.MIRRORS)
         with self.scene.ray_counter.purpose(key[0].name, Draw.SKY.name):
-            for each in self._mirrors:
+            for each in self.mirrors:
                 sky += each.sky(p, n, seed=seed, within=within, **kind)
         return sky
 
@@ -225,7 +227,7 @@ class Deposit:
         with self.scene.ray_counter.purpose(key[0].name, Draw.SUN.name):
             parts = [
                 each.suns(p, n, samples=lobes if isinstance(each, SunLobes) else samples, **kind)
-                for each in self._mirrors
+                for each in self.mirrors
             ]
         return sum(parts[1:], parts[0]) if parts else None
 

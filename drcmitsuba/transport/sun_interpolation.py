@@ -189,10 +189,10 @@ def _mirrored_suns(
     """C of suns in mirrors and its standard error [sr], as from `straight_suns`."""
     mean, error = np.zeros((2, len(points), len(suns.labels)), np.float32)
     reached = scene.effects.enabled_suns(suns)
-    if not reached.any():
-        return mean, error
     followed, every = suns.where(reached), range(accuracy.replicates)
     deposit = Deposit(scene, followed.directions, suns.diameter, None, accuracy, None)
+    if not (reached.any() and deposit.mirrors):
+        return mean, error
     for start in range(0, len(points), SENSORS):
         here = slice(start, min(start + SENSORS, len(points)))
         some = points[here]
@@ -201,8 +201,7 @@ def _mirrored_suns(
             flat(some), flat(normals[here]), sensor_numbers(here), every,
             accuracy.sensor_sun_samples, within,
         )  # fmt: skip
-        if light is None:
-            break
+        assert light is not None
         replicates = light.numpy().reshape(len(every), len(some), -1)
         mean[here, reached], error[here, reached] = mean_and_error(replicates)
     return mean, error
