@@ -211,14 +211,16 @@ def _compared(
 
 def _print(optimum: Optimum, title: str, fresh: Result | None, areas: dict[str, float]) -> None:
     """Print metrics and areas [m²] of the best design, by the search and simulated afresh."""
-    from drcmitsuba.design.measure import NAMES
+    from drcmitsuba.design.measure import AIMS_OF_METRICS, NAMES, interval_of_aim
 
     table = Table(
         "", "by the search", "simulated afresh (95 %)", title=escape(title), title_justify="left"
     )
-    aim, numbers = NAMES[optimum.problem.goal.aim], {} if fresh is None else fresh.metrics
-    searched = {aim: optimum.best.hard.aim, "ASE": optimum.best.hard.ase}
-    for name in dict.fromkeys((aim, "sDA", "ASE")):
+    goal, numbers = optimum.problem.goal, {} if fresh is None else dict(fresh.metrics)
+    if fresh is not None and goal.aim in AIMS_OF_METRICS:
+        numbers[NAMES[goal.aim]] = interval_of_aim(fresh.metrics, goal.aim).to_dict()
+    searched = {NAMES[goal.aim]: optimum.best.hard.aim, "ASE": optimum.best.hard.ase}
+    for name in dict.fromkeys((NAMES[goal.aim], "sDA", "ASE")):
         own = f"{searched[name]:.1f} %" if name in searched else "–"
         again = f"{percent(numbers[name])} %" if name in numbers else "–"
         table.add_row(name, own, again)

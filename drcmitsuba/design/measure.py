@@ -25,7 +25,7 @@ from drcmitsuba.design.facade_glare import (
 )
 from drcmitsuba.design.facade_groups import FacadeGroups, applied, smooth_applied
 from drcmitsuba.design.requirement import Requirement
-from drcmitsuba.metrics import smooth
+from drcmitsuba.metrics import Interval, smooth
 from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.transport.elements.state_illuminances import Illuminances
 
@@ -39,6 +39,8 @@ COLUMNS: Mapping[Aim, str] = {
     "sDA": "sDA", "worst month": "worst_msDA", "standard": "margin", "glare": "without_glare",
 }  # fmt: skip
 """Names of the aims in files."""
+AIMS_OF_METRICS: tuple[Aim, ...] = ("sDA", "worst month")
+"""Aims that every evaluation tells in its `metrics.json`."""
 SOFTEST = 50.0
 """Months, or margins, within SOFTEST / sharpness [%] of the lowest count as the worst together."""
 SHORT = 1e-6
@@ -47,6 +49,17 @@ HARD = 0.0
 """Sharpness of a design of which hard numbers alone were computed."""
 ASE_TOLERANCE = 1e-9
 """Largest excess of ASE over its limit that still holds the limit [%]."""
+
+
+def interval_of_aim(metrics: dict[str, Any], aim: Aim) -> Interval:
+    """95 % interval [%] of one of the `AIMS_OF_METRICS`, from `metrics.json`.
+
+    For the worst month it is the interval of that month alone.
+    """
+    if aim == "sDA":
+        return Interval(**metrics["sDA"])
+    months = [month for month in metrics["msDA"] if month is not None]
+    return Interval(**min(months, key=lambda month: month["value"]))
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from drcmitsuba.annual.run import Run
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import State
 from drcmitsuba.design.facade_groups import FacadeGroups
-from drcmitsuba.design.measure import Aim
+from drcmitsuba.design.measure import Aim, interval_of_aim
 from drcmitsuba.metrics import Interval, accumulate, illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import draw_shade, evaluate_metrics
@@ -69,7 +69,7 @@ def simulated_tilt(
         by_group = _by_group(sun, sun_group(direct), count) if count > 1 else ()
         first, closed, *others = map(_tensor, states)
         E = Illuminances(first, closed, _tensor(sun), (*others,), by_group)
-    return SimulatedTilt(E, _interval(judged.metrics, aim))
+    return SimulatedTilt(E, interval_of_aim(judged.metrics, aim))
 
 
 def _in_states(
@@ -114,14 +114,6 @@ def _hours(case: Case, daylight: Daylight, groups: FacadeGroups, direct: xr.Data
         if np.array(rule.groups.indices(state))[rule.by_rule].any():
             may_close = may_close | hours
     return groups.hours(may_close)
-
-
-def _interval(metrics: dict[str, Any], aim: Aim) -> Interval:
-    """95 % interval of the aim [%]; for the worst month, the interval of that month alone."""
-    if aim == "sDA":
-        return Interval(**metrics["sDA"])
-    months = [month for month in metrics["msDA"] if month is not None]
-    return Interval(**min(months, key=lambda month: month["value"]))
 
 
 def _tensor(values: np.ndarray) -> Any:

@@ -124,12 +124,15 @@ def test_shades_may_close_side_by_side(run, case, tmp_path, drawn):
 
 
 def test_turned_transmittances_are_simulated_afresh(run, case, tmp_path):
-    case.write_text(SHORT + "shade_vlt = [0.05, 0.2]\n")
+    case.write_text(SHORT + 'shade_vlt = [0.05, 0.2]\nobjective = "worst month"\n')
     code, out, _ = run("optimise", case, "-o", tmp_path / "d")
     assert code == 0
     assert "shade_vlt" in out
     optimum = json.loads((tmp_path / "d" / "optimum.json").read_text())
     fresh = json.loads((tmp_path / "d" / "fresh_metrics.json").read_text())
+    row = next(line for line in out.splitlines() if "msDA of the worst month" in line)
+    assert f"{optimum['worst_msDA']:.1f} %" in row
+    assert f"{fresh['msDA'][2]['value']:.1f} (" in row
     materials = fresh["settings"]["materials"]
     assert materials["shade"]["transmittance"] == pytest.approx(optimum["shade_vlt"])
     assert 0.05 <= optimum["shade_vlt"] <= 0.2
