@@ -14,7 +14,7 @@ from drcmitsuba.case.groups import OPEN, OTHERS, SHADED, GroupStates
 from drcmitsuba.case.schedule import HOURS, Schedule, hour_of_year, schedule_of
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import shortened
-from drcmitsuba.scene.fills import clear_panes
+from drcmitsuba.scene.fills import clear_panes, drawn_in
 from drcmitsuba.scene.materials import shade_covers
 from drcmitsuba.scene.pane_groups import Member, PaneGroups, facade_name
 from drcmitsuba.scene.prepared_case import prepared
@@ -168,12 +168,8 @@ def _of_shade(
         facades |= {*names}
         if g in bare:
             continue
-        fills, shade = panes.states.states[g], case.shading.material
-        if shade not in fills[1:]:
-            got = f"the shade {shortened(shade)} covers {shortened(panes.states.names[g])}"
-            raise InputError("drawn", panes.states.names[g], got, "name it among its fills")
         closed = np.where(clear, 0, row)
-        closed[fills.index(shade)] += row[clear].sum()
+        closed[_fill_of_shade(case, panes, g)] += row[clear].sum()
         for name in names:
             by_facade.setdefault(name, []).append((g, np.stack([row, closed])))
     if case.shading.groups == "together" or (len(facades) < 2 and not any(panes.spaces)):
@@ -181,6 +177,20 @@ def _of_shade(
         shade_of_all = GroupStates.of_shade()
         return [MovingGroup(shade_of_all.names[0], shade_of_all.states[0], parts)] if parts else []
     return [MovingGroup(name, (OPEN, SHADED), tuple(p)) for name, p in by_facade.items()]
+
+
+def _fill_of_shade(case: Case, panes: PaneGroups, opening: int) -> int:
+    """Index of the fill that is the shade, which the case may have drawn there itself."""
+    assert case.shading is not None
+    fills, shade = panes.states.states[opening], case.shading.material
+    if shade in fills[1:]:
+        return fills.index(shade, 1)
+    kinds = case.materials
+    drawn = panes.drawn[opening] if panes.drawn else kinds.get(drawn_in(case, panes)[opening])
+    if drawn != kinds[shade]:
+        got = f"the shade {shortened(shade)} covers {shortened(panes.states.names[opening])}"
+        raise InputError("drawn", panes.states.names[opening], got, "name it among its fills")
+    return 0
 
 
 def _hours(opening: str, mixtures: Mixtures, time: xr.DataArray) -> np.ndarray:

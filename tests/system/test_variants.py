@@ -182,8 +182,12 @@ def test_bad_variants(run, tmp_path, names, more, said):
     assert not list((tmp_path / "all").rglob("*.json"))
 
 
-def test_season(run, tmp_path):
-    code, out, err = run("season", "fabric.toml", "-o", "season")
+@pytest.mark.parametrize("shade", ["shade", "fabric"])
+def test_season(run, tmp_path, shade):
+    """Also where the shade is of a material that stands in the façade for good."""
+    case = tmp_path / "fabric.toml"
+    case.write_text(case.read_text().replace('material = "shade"', f'material = "{shade}"'))
+    code, out, err = run("season", case, "-o", "season")
     assert (code, err) == (0, "")
     assert (tmp_path / "season" / "season.png").stat().st_size > 10_000
     msda = json.loads((tmp_path / "season" / "season.json").read_text())["msDA"]

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.model.materials import GlazingMaterial, Lambertian, MirrorMaterial
+from drcmitsuba.model.materials import BsdfMaterial, GlazingMaterial, Lambertian, MirrorMaterial
 from drcmitsuba.sky.sun_models import Suns
 from tests import ROOT
 from tests.model_rooms import case_of, l_room, layer, prism
@@ -174,6 +174,27 @@ def roof_light() -> Case:
     return l_room(sensors=sensors, model={"files": [__file__]})
 
 
+def film_behind_glass() -> Case:
+    """Measured film 0.1 m behind clear glass that is larger than it, in a model."""
+    floor, ceiling, walls = prism([(0, 0), (5, 0), (5, 6), (0, 6)], 3.0)
+
+    def upright(y: float, rim: float) -> np.ndarray:
+        left, right, bottom, top = 0.5 - rim, 4.5 + rim, 0.9 - rim, 2.6 + rim
+        return np.array([[left, y, bottom], [right, y, bottom], [right, y, top], [left, y, top]])
+
+    window = upright(0.0, 0.0)
+    return case_of(
+        layer("floor", Lambertian(0.3), floor),
+        layer("ceiling", Lambertian(0.8), ceiling),
+        layer("facade", Lambertian(0.5), walls[0], holes=[window]),
+        layer("walls", Lambertian(0.5), *walls[1:]),
+        layer("glass", GlazingMaterial(type="glazing", transmittance=0.7), upright(-0.1, 0.3)),
+        layer("film", BsdfMaterial(type="bsdf", file=str(PRISM)), window),
+        sensors={"floors": ["floor"], "spacing": 0.8, "margin": 0.5},
+        model={"files": [__file__]},
+    )
+
+
 COLOURS = {"floor": [0.30, 0.18, 0.08], "walls": [0.7, 0.5, 0.3], "ceiling": [0.85, 0.85, 0.8]}
 TALL = {"bottom": 0.5, "top": 8.5, "material": "glass"}
 SHELVES = many([1.0, 1.2, 0.0], [6.0, 0.35, 2.0], [1, 5], [7.0, 1.3])
@@ -194,6 +215,9 @@ ROOMS: dict[str, Callable[[], Room]] = {
     ),
     "film": lambda: Room(film(PRISM)),
     "panel": lambda: Room(film(PANEL)),
+    "film behind glass": lambda: Room(
+        film_behind_glass(), paths=1 << 13, pane_to_pane=True, size=(5.0, 6.0, 3.0)
+    ),
     "lamellae": lambda: Room(lamellae(), WIDE, 1 << 13),
     "mirror opposite": lambda: Room(
         mirror_opposite(),
