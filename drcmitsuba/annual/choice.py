@@ -84,6 +84,9 @@ class ChosenFills:
             An opening or a fill is unknown, shares do not add up to one, or a time stamp is
             missing.
         """
+        if not isinstance(choice, Mapping):
+            got = shortened(str(choice))
+            raise InputError("choice", "opening", got, "give a mapping from openings to fills")
         constant, hourly, names = {}, {}, [*fills_of]
         for opening, given in choice.items():
             if opening not in fills_of:
@@ -121,6 +124,7 @@ def _by_hour(
     if "time" not in given.dims or not set(given.dims) <= {"time", "fill"}:
         got = f"an array with dims {', '.join(map(str, given.dims)) or 'of none'}"
         raise InputError("choice", opening, got, "give the dim time, and fill for shares")
+    given = given.sortby("time") if "time" in given.coords else given
     known = given["time"].values if "time" in given.coords else time[: given.sizes["time"]]
     at = np.minimum(np.searchsorted(known, time), len(known) - 1)
     if len(known) != given.sizes["time"] or (known[at] != time).any():

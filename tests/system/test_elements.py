@@ -100,6 +100,8 @@ def test_fills_by_the_hour_are_those_of_each_hour(light):
     )  # fmt: skip
     E = light.illuminance({"south": names})
     xr.testing.assert_allclose(light.illuminance({"south": shares}), E)
+    backwards = light.illuminance({"south": names[::-1]})  # order of its hours matters not
+    xr.testing.assert_identical(backwards, E)
     for fill, hours in (("hole", early), ("opal", ~early)):
         of_fill = light.illuminance({"south": fill}).isel(time=hours)
         xr.testing.assert_allclose(of_fill, E.isel(time=hours), rtol=1e-4)
@@ -177,6 +179,7 @@ def same_light(ours, theirs):
         ({"south": {"glass": 0.5, "opal": 0.4}}, "shares 0.5, 0, 0.4, 0, 0.9 together; give"),
         ({"south": {"glass": 1.5, "opal": -0.5}}, "give shares from 0 that add up to 1"),
         ({"south": 3.0}, "choice: south: float; give a fill"),
+        ("opal", 'choice: opening: "opal"; give a mapping from openings to fills'),
         ({"south": xr.DataArray(["glass"], dims="hour")}, "an array with dims hour; give the dim"),
         ({"south": xr.DataArray(["glass"], dims="time")}, "no fill at 2015-03-"),
     ],
