@@ -20,11 +20,17 @@ from drcmitsuba.case.furniture import Furniture
 from drcmitsuba.case.room import Room
 from drcmitsuba.case.sensors import Sensors
 from drcmitsuba.model.materials import SurfaceMaterial
-from drcmitsuba.model.model import Model
+from drcmitsuba.model.model import Model, areas
 from drcmitsuba.runtime.toml import Side
 
 UP = np.array([0.0, 0.0, 1.0])
 SIDES: tuple[Side, ...] = ("south", "east", "north", "west")
+UPRIGHT = 1e-3
+"""Largest vertical part of an upright surface's normal [–]."""
+STEP = 0.1
+"""Step of the angles by which walls are counted [deg]."""
+STRAIGHT = 0.01
+"""Angle within which walls stand along an axis [deg]."""
 
 
 @dataclass(frozen=True)
@@ -228,7 +234,7 @@ def origin(case: Case) -> np.ndarray:
     return np.floor(case.sensors.corner) if isinstance(case.sensors, Sensors) else np.zeros(3)
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=8)
 def near_bounds(model: Model, degrees: float = 0.0) -> np.ndarray | None:
     """Bounds (2, 3) [m] of a model without its context, turned; None where nothing else is left."""
     near = [layer.quads for layer in model.layers if layer.role != "context"]
@@ -285,6 +291,36 @@ def rotation(case: Case) -> np.ndarray:
 def clockwise(case: Case) -> float:
     """Angle [°], clockwise as seen from above, by which the world frame has the case turned."""
     return case.room.rotation if case.room else -case.building.north
+
+
+def heading(case: Case) -> float:
+    """Angle [°], clockwise, by which most walls stand askew to the world's axes, −45 to 45."""
+    angle = clockwise(case) + (0.0 if case.room else _heading_of_walls(case.building))
+    angle -= 90 * round(angle / 90)
+    return angle if abs(angle) > STRAIGHT else 0.0
+
+
+@lru_cache(maxsize=8)
+def _heading_of_walls(model: Model) -> float:
+    """Angle [°], clockwise, by which most of a model's walls stand askew to its own axes.
+
+    Upright surfaces but those of its context count by their areas.
+    """
+    near = [layer.quads for layer in model.layers if layer.role != "context"]
+    quads = np.concatenate([np.zeros((0, 4, 3)), *near])
+    n = normals(quads)
+    upright = np.abs(n[:, 2]) < UPRIGHT
+    if not upright.any():
+        return 0.0
+    n, area = n[upright], areas(quads[upright])
+    angle = -np.degrees(np.arctan2(n[:, 1], n[:, 0])) % 90
+    bins = round(90 / STEP)
+    whole = np.bincount((angle / STEP).astype(int) % bins, area, bins)
+    around = whole + np.roll(whole, 1) + np.roll(whole, -1)
+    best = (np.argmax(around) + 0.5) * STEP
+    beside = (angle - best + 45) % 90 - 45
+    like = np.abs(beside) <= 1.5 * STEP
+    return float(best + np.average(beside[like], weights=area[like]))
 
 
 def turn(degrees: float) -> np.ndarray:

@@ -23,7 +23,7 @@ from drcmitsuba.runtime.ray_counter import RayCounter
 from drcmitsuba.scene.box_faces import BoxFaces
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.flat_panes import FlatPanes
-from drcmitsuba.scene.geometry import Port, Surface
+from drcmitsuba.scene.geometry import Port, Surface, heading, turn
 from drcmitsuba.scene.geometry import clockwise as turned_by
 from drcmitsuba.scene.materials import ends_paths, film, lets_through, loaded
 from drcmitsuba.scene.meshes import quad_mesh
@@ -63,7 +63,9 @@ class Scene:
     enclosure: Enclosure | None = None
     """The room, where there is one."""
     near: np.ndarray | None = None
-    """Bounds of the rooms of a model [m], shape (2, 3): cells grow beyond them."""
+    """Bounds of the rooms of a model along most walls [m], shape (2, 3): cells grow beyond them."""
+    heading: float = 0.0
+    """Angle of most walls [deg], see `geometry.heading`: cells lie along them."""
     parts: tuple[ScenePart, ...] = ()
     """All surfaces, by BSDF."""
     channel: int = -1
@@ -112,7 +114,8 @@ class Scene:
         parts = [(p.material, p.quads, p.component, p.closed) for p in self.parts]
         effects = self.effects.to_dict()
         turned = self.clockwise if self.films else 0.0
-        return parts, self.channel, self.enclosure, self.near, self.ports, effects, turned
+        around = self.near, self.heading
+        return parts, self.channel, self.enclosure, around, self.ports, effects, turned
 
     @property
     def from_within(self) -> tuple[Any, ...]:
@@ -132,15 +135,15 @@ class Scene:
         changes |= {"occluders": None, "faces": None, "apart": None, "flat_panes": None}
         return replace(self, **changes)
 
-    @property
-    def low(self) -> np.ndarray:
-        """Lower bound of all surfaces [m]."""
-        return self.corners.min(axis=0)
+    def along_walls(self, points: np.ndarray) -> np.ndarray:
+        """Points (…, 3) [m] in the frame along most walls."""
+        return points @ turn(self.heading) if self.heading else points
 
     @property
-    def high(self) -> np.ndarray:
-        """Upper bound of all surfaces [m]."""
-        return self.corners.max(axis=0)
+    def bounds(self) -> np.ndarray:
+        """Bounds of all surfaces along most walls [m], shape (2, 3)."""
+        corners = self.along_walls(self.corners)
+        return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
 
 def build(
@@ -243,7 +246,9 @@ def load(
     surfaces, enclosure, ports = geometry_of(case, state, effects, groups)
     surfaces = [replace(each, material=tint(each)) for each in surfaces]
     built = build(surfaces, channel, enclosure, ports, turned_by(case))
-    return replace(built, effects=effects, near=bounds_of_rooms(case), channel=channel)
+    return replace(
+        built, effects=effects, near=bounds_of_rooms(case), heading=heading(case), channel=channel
+    )
 
 
 def channels_of(case: Case, effects: EnabledEffects) -> tuple[int, ...]:

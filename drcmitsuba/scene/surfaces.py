@@ -26,6 +26,8 @@ from drcmitsuba.scene.geometry import (
     Port,
     Surface,
     ceiling,
+    clockwise,
+    heading,
     near_bounds,
     origin,
     overhead,
@@ -33,6 +35,7 @@ from drcmitsuba.scene.geometry import (
     recentred,
     rotation,
     side_of,
+    turn,
 )
 from drcmitsuba.scene.like_panes import NO_GROUP
 from drcmitsuba.scene.materials import lets_through
@@ -43,8 +46,6 @@ from drcmitsuba.scene.sun_visibility import reaches_in
 
 NEAR = 1e-5
 """Distance within which points lie in a face of the room [m]."""
-ALONG = 1e-6
-"""Difference of a cosine from 1 within which a direction is that of an axis."""
 
 
 @dataclass(frozen=True)
@@ -73,11 +74,6 @@ class Enclosure:
     exits_by_room: tuple[np.ndarray, ...] | None = None
     """Exits of every room, by its number from 1 on, fronts inward; None where no rooms are told
     apart, which then have all exits."""
-
-    @property
-    def is_along_axes(self) -> bool:
-        """Whether the room's axes are axes of the world."""
-        return bool((np.abs(self.turn).max(axis=0) > 1 - ALONG).all())
 
     def may_hide(self, quads: np.ndarray) -> np.ndarray:
         """Whether quads (quad, 4, 3) may hide what points of a box see by its openings, (quad,).
@@ -192,9 +188,13 @@ def _model_surfaces(case: Case, front: PanesInState) -> list[Surface]:
 
 
 def bounds_of_rooms(case: Case) -> np.ndarray | None:
-    """Bounds of a model without its context, relative to the origin, world frame [m], (2, 3)."""
-    bounds = near_bounds(case.building, -case.building.north)
-    return None if bounds is None else bounds - rotation(case) @ origin(case)
+    """Bounds of a model without its context, along most of its walls [m], shape (2, 3).
+
+    They are relative to the origin, in the world frame turned by `geometry.heading`.
+    """
+    askew = clockwise(case) - heading(case)
+    bounds = near_bounds(case.building, askew)
+    return None if bounds is None else bounds - turn(askew) @ origin(case)
 
 
 def _enclosure_of_model(front: PanesInState, surfaces: list[Surface]) -> Enclosure | None:

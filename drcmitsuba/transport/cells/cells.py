@@ -8,8 +8,10 @@ them, so that the deposit is estimated where the sensors look.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -29,23 +31,30 @@ GROWTH = 8.0
 _UNKNOWN = 0xFFFFFFFF
 
 
+def _bounds_of_rooms(scene: Scene) -> np.ndarray | None:
+    """Bounds of the rooms along most walls [m], shape (2, 3); None without box and model."""
+    room = scene.enclosure
+    if scene.near is not None or room is None or not room.is_box:
+        return scene.near
+    ends = np.stack([np.zeros(3), room.size]) @ room.turn.T
+    return np.sort(scene.along_walls(ends), axis=0)
+
+
 def furniture(scene: Scene) -> np.ndarray:
     """Diffuse quads (quad, 4, 3) that stand in the rooms, apart from their bounds [m].
 
-    There are none where no box and no model bounds the rooms, nor in a box that no axis faces.
+    They are in the frame along most walls; there are none where nothing bounds the rooms.
     """
-    room, bounds = scene.enclosure, scene.near
-    if bounds is None and room is not None and room.is_box and room.is_along_axes:
-        bounds = np.sort(np.stack([np.zeros(3), room.size]) @ room.turn.T, axis=0)
+    bounds = _bounds_of_rooms(scene)
     quads = [part.quads for part in scene.parts if is_diffuse(part.material)]
     if bounds is None or not quads:
         return np.zeros((0, 4, 3))
-    return standing(np.concatenate(quads), *bounds)
+    return standing(scene.along_walls(np.concatenate(quads)), *bounds)
 
 
 @dataclass(frozen=True)
 class CellGrid:
-    """Regular grid over a scene; `key` numbers its cubes and six facings."""
+    """Regular grid over a scene, along most walls; `key` numbers its cubes and six facings."""
 
     low: tuple[float, float, float]
     """Corner of the grid [m]."""
@@ -57,6 +66,8 @@ class CellGrid:
     """Bounds beyond which cubes grow with the distance [m]; None where none do."""
     cuts: tuple[Cuts | None, Cuts | None, Cuts | None] = (None, None, None)
     """Cubes along the axes that furniture cuts; None where they are regular."""
+    heading: float = 0.0
+    """Angle of the grid, clockwise from the world's axes [deg]."""
 
     @classmethod
     def of(cls, scene: Scene, size: float) -> CellGrid:
@@ -70,12 +81,12 @@ class CellGrid:
         if scene.near is not None:
             return cls._around(scene, size)
         # The grid starts at the room's corner, the origin: objects outside move no cell.
-        low = scene.low
+        low, high = scene.bounds
         if scene.enclosure is not None:
             low = size * np.floor(low / size + 1e-6)
         # Surfaces must not lie on borders of cubes, where rounding decides.
         low = low - 0.37 * size
-        return cls._checked(scene, low, scene.high - low, size)._cut(scene)
+        return cls._checked(scene, low, high - low, size)._cut(scene)
 
     @classmethod
     def _around(cls, scene: Scene, size: float) -> CellGrid:
@@ -86,25 +97,29 @@ class CellGrid:
         outer = (scene.near[1] + 0.37 * size).tolist()
         x, y, z = (float(v) for v in inner)
         grid = cls((x, y, z), (1, 1, 1), size, (tuple(inner), tuple(outer)))
-        ends = (scene.low - 0.37 * size, scene.high)
+        first, last = scene.bounds
+        ends = (first - 0.37 * size, last)
         steps = (grid.steps(mi.Point3f(*map(float, end))) for end in ends)
         low, high = (np.array([float(v[0]) for v in at]) for at in steps)
         start = np.floor(low)
         count = cls._checked(scene, start * size, (high - start) * size, size).count
         x, y, z = (float(v) for v in start)
-        return replace(grid, low=(x, y, z), count=count)._cut(scene)
+        return replace(grid, low=(x, y, z), count=count, heading=scene.heading)._cut(scene)
 
     def _cut(self, scene: Scene) -> CellGrid:
         """Grid whose cubes end where surfaces stand in the rooms."""
-        quads = furniture(scene)
-        if not len(quads):
+        quads, bounds = furniture(scene), _bounds_of_rooms(scene)
+        if bounds is None or not len(quads):
             return self
-        low = np.array(self.low)
+        low, extent = np.array(self.low), np.ptp(bounds, axis=0)
         if self.near is not None:
             low = np.array(self.near[0]) + self.size * low
+        sections = extent.prod() / extent
         x, y, z = (
-            cuts(plane, float(start), count, self.size)
-            for plane, start, count in zip(planes(quads), low, self.count, strict=True)
+            cuts(plane, float(start), count, self.size, float(section))
+            for plane, start, count, section in zip(
+                planes(quads), low, self.count, sections, strict=True
+            )
         )
         finer = replace(self, cuts=(x, y, z))
         nx, ny, nz = (
@@ -117,13 +132,15 @@ class CellGrid:
         """Grid of cubes from a corner, over an extent [m]; refuses too many."""
         count = np.ceil(extent / size + 0.01).astype(int) + 1
         if 6 * int(np.prod(count.astype(float))) > MAX_KEYS:
-            whole = " × ".join(f"{v:.4g}" for v in scene.high - scene.low)
+            first, last = scene.bounds
+            whole = " × ".join(f"{v:.4g}" for v in last - first)
             raise InputError(
                 "case", "accuracy.cell_size", f"{size:g} m in a scene of {whole} m",
                 "take larger cells or a smaller scene",
             )  # fmt: skip
         x, y, z = (float(v) for v in low)
-        return cls((x, y, z), (int(count[0]), int(count[1]), int(count[2])), size)
+        counts = int(count[0]), int(count[1]), int(count[2])
+        return cls((x, y, z), counts, size, heading=scene.heading)
 
     def __len__(self) -> int:
         """Count the possible cells."""
@@ -150,11 +167,25 @@ class CellGrid:
 
     def prepare(self) -> None:
         """Make the numbers of `key` outside of a loop that is being recorded."""
-        _ = self._numbers, self._tables
+        _ = self._numbers, self._tables, self._turn
+
+    @cached_property
+    def _turn(self) -> tuple[mi.Float, mi.Float]:
+        """Sine and cosine of the heading, as `_numbers`."""
+        angle = math.radians(self.heading)
+        return dr.opaque(mi.Float, math.sin(angle)), dr.opaque(mi.Float, math.cos(angle))
+
+    def along_walls(self, v: Any) -> Any:
+        """Points or directions of the world in the frame of the grid."""
+        if not self.heading:
+            return v
+        sine, cosine = self._turn
+        return type(v)(cosine * v.x - sine * v.y, sine * v.x + cosine * v.y, v.z)
 
     def key(self, p: mi.Point3f, n: mi.Normal3f) -> mi.UInt32:
         """Key of the cell at points `p` with facing normals `n`."""
         low, scale, nx, ny, last = self._numbers
+        p, n = self.along_walls(p), self.along_walls(n)
         if any(self._tables):
             p = p + ASIDE * n
         q = (p - low) * scale if self.near is None else self.steps(p) - low
@@ -167,7 +198,10 @@ class CellGrid:
         return ((k * ny + j) * nx + i) * 6 + facing
 
     def steps(self, p: mi.Point3f) -> mi.Point3f:
-        """Coordinates in cubes from the near bounds' corner; the steps grow beyond the bounds."""
+        """Coordinates in cubes from the near bounds' corner; the steps grow beyond the bounds.
+
+        `p` are points in the frame of the grid.
+        """
         assert self.near is not None
         low, high = (mi.Point3f(*corner) for corner in self.near)
         scale = 1 / (GROWTH * self.size)
@@ -250,7 +284,10 @@ class Cells:
         facing, cube = key % 6, key // 6
         axis = facing // 2 if layers else mi.UInt32(3)  # 3: none
         places = (cube % nx, cube // nx % ny, cube // (nx * ny))
-        i, j, k = (dr.select(axis == a, place, place // edge) for a, place in enumerate(places))
+        of_axes = zip(places, self.grid.cuts, strict=True)
+        joined = (_blocks(place, cut, edge) for place, cut in of_axes)
+        both = enumerate(zip(places, joined, strict=True))
+        i, j, k = (dr.select(axis == a, place, block) for a, (place, block) in both)
         coarse = (((k * ny) + j) * nx + i) * 6 + facing
         at, told = dr.gather(mi.UInt32, self.index, key), coarse.numpy().astype(np.uint64)
         if rooms is not None:
@@ -260,3 +297,10 @@ class Cells:
         dr.scatter(block, flat_indices(number), at)
         dr.eval(block)
         return block, len(kinds)
+
+
+def _blocks(place: mi.UInt32, cut: Cuts | None, edge: int) -> mi.UInt32:
+    """Block along an axis in which cells lie by their places on it."""
+    if cut is None:
+        return place // edge
+    return dr.gather(mi.UInt32, flat_indices(cut.blocks(edge)), place)

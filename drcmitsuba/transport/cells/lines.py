@@ -35,6 +35,11 @@ AT_BOUNDS = 0.05
 """Distance from the bounds of a room within which a plane is one of its walls [m]."""
 
 
+WALL = 0.25
+"""Share of a room's section that a plane covers from which on no block of cells lies on both of
+its sides."""
+
+
 class Cuts(NamedTuple):
     """Cells along one axis."""
 
@@ -42,11 +47,20 @@ class Cuts(NamedTuple):
     """Cell in which each step from the grid's low end begins."""
     ends: np.ndarray
     """Upper end of every cell, in regular cells from the grid's low end."""
+    behind_walls: np.ndarray
+    """Cells that begin at a wall."""
 
     @property
     def cells(self) -> int:
         """Number of cells."""
         return len(self.ends)
+
+    def blocks(self, edge: int) -> np.ndarray:
+        """Block of every cell: `edge` cells after another, anew behind every wall."""
+        first = np.zeros(self.cells, int)
+        first[self.behind_walls] = self.behind_walls
+        place = np.arange(self.cells) - np.maximum.accumulate(first)
+        return np.asarray(np.cumsum(place % edge == 0) - 1, np.uint32)
 
 
 def standing(quads: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -73,15 +87,20 @@ def planes(quads: np.ndarray) -> list[np.ndarray]:
     return out
 
 
-def cuts(plane: np.ndarray, start: float, count: int, size: float) -> Cuts | None:
+def cuts(
+    plane: np.ndarray, start: float, count: int, size: float, section: float = np.inf
+) -> Cuts | None:
     """Cut an axis at planes (plane, 2) of a coordinate [m] and an area, else cell by cell.
 
-    `count` cells of `size` [m] begin at `start`; None where no plane asks for a cut.
+    `count` cells of `size` [m] begin at `start`; the room has a `section` [m²] across the axis.
+    None where no plane asks for a cut.
     """
     if not len(plane) or count * STEPS > MOST_STEPS:
         return None
-    at = _chosen(plane, size) - start
-    at = at[(at > NEAREST * size) & (at < (count - NEAREST) * size)]
+    at, area = _chosen(plane, size).T
+    at = at - start
+    within = (at > NEAREST * size) & (at < (count - NEAREST) * size)
+    at, area = at[within], area[within]
     if not len(at):
         return None
     ends = np.concatenate([[0.0], at, [count * size]])
@@ -89,16 +108,17 @@ def cuts(plane: np.ndarray, start: float, count: int, size: float) -> Cuts | Non
     inner = [a + (b - a) * np.arange(n) / n for a, b, n in zip(ends, ends[1:], parts, strict=False)]
     every = np.append(np.concatenate(inner)[1:], count * size) / size
     of_step = np.searchsorted(every, np.arange(count * STEPS) / STEPS, side="right")
-    return Cuts(of_step.astype(np.uint32), every.astype(np.float32))
+    behind = np.cumsum(parts)[:-1][area >= WALL * section]
+    return Cuts(of_step.astype(np.uint32), every.astype(np.float32), behind)
 
 
 def _chosen(plane: np.ndarray, size: float) -> np.ndarray:
-    """Coordinates of cuts, sorted [m]."""
-    kept: list[float] = []
-    for _, at in sorted((-area, (low + high) / 2) for low, high, area in _plates(plane)):
-        if all(abs(at - other) >= NEAREST * size for other in kept):
-            kept.append(at)
-    return np.sort(np.array(kept))
+    """Coordinates of cuts, sorted [m], and areas of their planes [m²], shape (cut, 2)."""
+    kept: list[tuple[float, float]] = []
+    for least, at in sorted((-area, (low + high) / 2) for low, high, area in _plates(plane)):
+        if all(abs(at - other) >= NEAREST * size for other, _ in kept):
+            kept.append((at, -least))
+    return np.array(sorted(kept))
 
 
 def _plates(plane: np.ndarray) -> Sequence[tuple[float, float, float]]:

@@ -65,10 +65,10 @@ class ReachedSurfaces:
 
 def _field(grid: CellGrid, p: mi.Point3f, n: mi.Vector3f, step: int) -> mi.UInt32:
     """Hash of the field of points on a surface that faces `n`, some steps further across it."""
-    a = dr.abs(n)
+    layer = dr.floor(dr.dot(n, mi.Vector3f(p)) / LAYER) + step
+    p, a = grid.along_walls(p), dr.abs(grid.along_walls(n))
     axis = dr.select((a.x >= a.y) & (a.x >= a.z), 0, dr.select(a.y >= a.z, 1, mi.UInt32(2)))
     q = dr.floor(2 * grid.steps(p))
-    layer = dr.floor(dr.dot(n, mi.Vector3f(p)) / LAYER) + step
     numbers = [
         dr.select(axis == 0, 0, q.x), dr.select(axis == 1, 0, q.y), dr.select(axis == 2, 0, q.z),
         layer,

@@ -107,7 +107,8 @@ def _near_and_far(scene: Scene, triangles: np.ndarray) -> list[np.ndarray]:
     if scene.near is None:
         return [triangles] if len(triangles) else []
     low, high = scene.near + [[-1e-3], [1e-3]]
-    near = ((triangles >= low) & (triangles <= high)).all(axis=(1, 2))
+    at = scene.along_walls(triangles)
+    near = ((at >= low) & (at <= high)).all(axis=(1, 2))
     return [part for part in (triangles[near], triangles[~near]) if len(part)]
 
 

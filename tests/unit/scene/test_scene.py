@@ -179,7 +179,7 @@ def test_openings_of_the_enclosure_are_those_that_let_straight_light_in():
     np.testing.assert_allclose(is_open.openings.max(axis=(0, 1)), [4, 0, 2.2])
     assert scene.load(shut, "shaded").enclosure.openings.shape == (0, 4, 3)
     loaded = scene.load(shut)
-    np.testing.assert_allclose([loaded.low, loaded.high], [np.zeros(3), SIZE])
+    np.testing.assert_allclose(loaded.bounds, [np.zeros(3), SIZE])
     assert [p.material.transmittance for p in loaded.scattering] == [0.3]
     panes = scene.load(shut, "shaded").scattering
     assert [p.material.transmittance for p in panes] == [0.1, 0.3]

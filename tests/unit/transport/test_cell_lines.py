@@ -5,10 +5,16 @@ import pytest
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
+from drcmitsuba.model.materials import Lambertian
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
+from drcmitsuba.scene.geometry import heading, origin, rotation, turn
+from drcmitsuba.scene.surfaces import bounds_of_rooms
+from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.cells.lines import STEPS, cuts, planes, standing
+from drcmitsuba.transport.coefficients import compute
+from tests.model_rooms import GLASS, case_of, layer, prism
 
 
 def cells_of(cut, size):
@@ -52,38 +58,79 @@ def test_only_what_stands_apart_from_the_bounds_counts():
     assert not len(z)
 
 
-def screened(thickness, turned):
+def screened(thickness, turned, rotation=0.0):
     """A room of two halves that a screen to the ceiling parts; the sensors are in the dark half."""
     screen = {"corner": [2.33, 0.0, 0.0], "size": [thickness, 4.0, 2.8], "reflectance": 0.5}
     side = "south" if turned else "west"
     if turned:
         screen = {"corner": [0.0, 2.33, 0.0], "size": [4.0, thickness, 2.8], "reflectance": 0.5}
-    case = Case.model_validate(
+    return Case.model_validate(
         {
-            "room": {"size": [4.0, 4.0, 2.8], "floor": 0.5, "walls": 0.5, "ceiling": 0.5},
+            "room": {
+                "size": [4.0, 4.0, 2.8],
+                "floor": 0.5,
+                "walls": 0.5,
+                "ceiling": 0.5,
+                "rotation": rotation,
+            },
             "facade": {side: {"strips": [{"bottom": 0.8, "top": 2.4, "material": "glass"}]}},
             "materials": {"glass": {"type": "glazing", "transmittance": 0.7}},
             "furniture": [screen],
             "sensors": {"corner": [2.5, 2.5, 0.8], "count": [3, 3], "spacing": 0.4},
         }
     )
-    return scene.load(case, effects=EnabledEffects(solved_cells=True, beyond=False))
+
+
+def parted(north, askew):
+    """A model of two rooms on one floor, drawn `askew` in plan [deg], the eastern one dark."""
+    floor, ceiling, walls = prism([(0, 0), (4, 0), (4, 4), (0, 4)], 2.8)
+    window = [[0, 1, 0.8], [0, 1, 2.4], [0, 3, 2.4], [0, 3, 0.8]]
+    screen = [[2.33, 0, 0], [2.33, 4, 0], [2.33, 4, 2.8], [2.33, 0, 2.8]]
+    turned = turn(askew).T
+
+    def drawn(*polygons):
+        return [np.array(polygon, float) @ turned for polygon in polygons]
+
+    return case_of(
+        layer("floor", Lambertian(0.5), *drawn(floor)),
+        layer("ceiling", Lambertian(0.5), *drawn(ceiling)),
+        layer("walls", Lambertian(0.5), *drawn(walls[3]), holes=drawn(window)),
+        layer("others", Lambertian(0.5), *drawn(*walls[:3], screen)),
+        layer("glass", GLASS, *drawn(window)),
+        north=north,
+        sensors={"floors": ["floor"], "spacing": 1.0},
+    )
+
+
+ACROSS = np.array([1.0, 2.0, 2.6, 3.2])
+POINTS = np.array([[x, y, z] for x in ACROSS for y in (2.6, 3.4) for z in (0.1, 1.4)])
+"""Points before a screen, and behind it, where it is dark [m]."""
+
+
+def light_of_halves(case, points):
+    """Light of points of the case on both sides of a screen, (side, replicate, point) [sr]."""
+    backend.select()
+    world = scene.load(case, effects=EnabledEffects(solved_cells=True, beyond=False))
+    points = (points - origin(case)) @ rotation(case).T
+    normals = np.tile([0.0, 0.0, 1.0], (len(points), 1))
+    C = compute(world, points, normals, Suns.none(), Accuracy(paths=64, replicates=2))
+    return C["replicates"].sum("bin").values.reshape(2, 2, -1).swapaxes(0, 1)
 
 
 @pytest.mark.parametrize("thickness", [0.001, 0.04])
-@pytest.mark.parametrize("turned", [False, True])
-def test_no_light_crosses_a_screen_within_a_cell(thickness, turned):
-    from drcmitsuba.sky.sun_models import Suns
-    from drcmitsuba.transport.coefficients import compute
+@pytest.mark.parametrize(("turned", "rotation"), [(False, 0), (True, 0), (False, 30), (True, -50)])
+def test_no_light_crosses_a_screen_within_a_cell(thickness, turned, rotation):
+    points = POINTS[:, [1, 0, 2]] if turned else POINTS
+    bright, dark = light_of_halves(screened(thickness, turned, rotation), points)
+    assert (dark == 0).all()
+    assert (bright > 0.1).all()
 
-    backend.select()
-    across = np.array([1.0, 2.0, 2.6, 3.2])
-    points = np.array([[x, y, z] for x in across for y in (2.6, 3.4) for z in (0.1, 1.4)])
-    points = points[:, [1, 0, 2]] if turned else points
-    dark = points[:, 1 if turned else 0] > 2.4
-    normals = np.tile([0.0, 0.0, 1.0], (len(points), 1))
-    accuracy = Accuracy(paths=64, replicates=2)
-    C = compute(screened(thickness, turned), points, normals, Suns.none(), accuracy)
-    E = C["replicates"].sum("bin").values
-    assert (E[:, dark] == 0).all()
-    assert (E[:, ~dark] > 0.1).all()
+
+@pytest.mark.parametrize(("north", "askew"), [(0, 0), (35, 0), (0, 20), (20, -20)])
+def test_cells_lie_along_the_walls_of_a_model(north, askew):
+    case = parted(north, askew)
+    assert heading(case) == pytest.approx(askew - north)
+    assert np.ptp(bounds_of_rooms(case), axis=0) == pytest.approx([4.0, 4.0, 2.8])
+    bright, dark = light_of_halves(case, POINTS @ turn(askew).T)
+    assert (dark == 0).all()
+    assert (bright > 0.1).all()
