@@ -2,11 +2,29 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, NamedTuple
+
+import numpy as np
 
 from drcmitsuba.runtime.toml import Table
 
 Choice = Literal["auto", "all", "off"]
+
+
+class Sources(NamedTuple):
+    """Whether each source of light shines: factors 1 or 0."""
+
+    sky: float = 1.0
+    ground: float = 1.0
+    sun: float = 1.0
+
+    def and_of(self, other: Sources) -> Sources:
+        """Those of both."""
+        return Sources(*(a * b for a, b in zip(self, other, strict=True)))
+
+    def of_bins(self, L: np.ndarray) -> np.ndarray:
+        """Luminances (…, bin) of the ground, which comes first, and of the sky's patches."""
+        return np.concatenate([self.ground * L[..., :1], self.sky * L[..., 1:]], axis=-1)
 
 
 class Effects(Table):
@@ -45,6 +63,11 @@ class Effects(Table):
     pictures: Choice = "auto"
     """Pictures of the results. Several façades from one simulation stand side by side in one; "all"
     draws those of each, too."""
+
+    @property
+    def sources(self) -> Sources:
+        """Sources that are not "off"."""
+        return Sources(*(float(one != "off") for one in (self.sky, self.ground, self.suns)))
 
     @property
     def overruled(self) -> dict[str, str]:

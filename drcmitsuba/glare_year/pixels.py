@@ -17,6 +17,9 @@ SIDE = 36
 """Tiles along the square of a hemisphere: 4.8e-3 sr each, 4° across."""
 FINER = 4
 """Rays along a tile: 3.0e-4 sr each, 1° across."""
+ASKEW = 0.1234567
+"""Angle by which the square is turned [rad]: along its diagonals rays would meet the corner of a
+square room in all heights, where some pass between two walls."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +83,7 @@ def _concentric(u: np.ndarray, v: np.ndarray) -> np.ndarray:
     r = np.where(wide, a, b)
     with np.errstate(divide="ignore", invalid="ignore"):
         phi = np.where(wide, np.pi / 4 * b / a, np.pi / 2 - np.pi / 4 * a / b)
+    phi += ASKEW
     aside = r * np.sqrt(2 - r**2)  # of equal areas: cos θ = 1 − r²
     return np.stack([aside * np.cos(phi), aside * np.sin(phi), 1 - r**2], axis=1)
 

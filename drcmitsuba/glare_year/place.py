@@ -232,8 +232,9 @@ def seen_places(
     ------
     SeenPlace
     """
-    sky = light.sky
-    shining = np.flatnonzero(sky["sun"].values > 0)
+    sky, sources = light.sky, case.effects.sources
+    patches, disks = sources.of_bins(sky["sky"].values), sources.sun * sky["sun"].values
+    shining = np.flatnonzero(disks > 0)
     sun_index = np.full(sky.sizes["time"], -1)
     sun_index[shining] = np.arange(len(shining))
     suns = sky["sun_direction"].values[shining]
@@ -263,7 +264,7 @@ def seen_places(
             own[start : start + len(place.surfaces.points)] = np.arange(len(place.surfaces.points))
             start += len(place.surfaces.points)
             known = lit.of_points(own)
-            made = SeenPlace(views, place, known, sky["sky"].values, sky["sun"].values, sun_index)
+            made = SeenPlace(views, place, known, patches, disks, sun_index)
             yield made.of_sources(least) if least else made
     for world in scenes:
         run.ray_counter.update(world.ray_counter.counted())

@@ -48,9 +48,9 @@ class Caustics:
         def tracer(size: float, photons: int, subdivision: int | None) -> PhotonTracer | None:
             size = min(size, accuracy.cell_size)
             finer = accuracy.model_copy(update={"cell_size": size, "photons": photons})
-            by_sky = subdivision is not None
+            imaged = subdivision is not None
             return PhotonTracer.of(
-                scene, none, none, none, diameter, subdivision, finer, imaged=by_sky, lobed=by_sky
+                scene, none, none, none, diameter, subdivision, finer, imaged=imaged
             )
 
         sky = tracer(SKY_CELL, accuracy.photons, subdivision)

@@ -184,7 +184,7 @@ class _Tracer:
         if self.once:
             self.seen = with_weights(self.seen, count, cell, shown)
         # Of the many vertices few decide which points stand for cells, but all in new cells.
-        few = dr.arange(mi.UInt32, len(met)) % DRAWN == 0
+        few = ((met.tag * mi.UInt32(0x9E3779B1)) >> 16) % DRAWN == 0  # in any order of threads
         some = dr.compress((shown > 0) & (few | (cell >= before)))
         columns = {name: _at(getattr(met, name), some) for name in ("row", "key", "tag", "within")}
         share = dr.select(dr.gather(mi.Bool, few, some), mi.Float(DRAWN), 1)

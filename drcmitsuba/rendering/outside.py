@@ -61,14 +61,6 @@ class OutsideLuminances:
             case.outside.sun_diameter,
         )  # fmt: skip
 
-    def without_sun(self) -> OutsideLuminances:
-        """Sky and ground alone."""
-        return replace(self, sun=0.0)
-
-    def without_sky(self) -> OutsideLuminances:
-        """The sun alone."""
-        return replace(self, table=np.zeros_like(self.table), ground=0.0)
-
     def times(self, sky: np.ndarray | float, ground: float, sun: float) -> OutsideLuminances:
         """Each source so many times as bright: the sky (altitude, azimuth), the ground, the sun."""
         return replace(

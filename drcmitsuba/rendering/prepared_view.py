@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -13,6 +13,7 @@ import xarray as xr
 from drcmitsuba.annual.attributes import fingerprint
 from drcmitsuba.annual.choice import Choice
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.effects import Sources
 from drcmitsuba.case.groups import OPEN, State
 from drcmitsuba.case.reading import load_case
 from drcmitsuba.eye.openings import note_of
@@ -47,6 +48,11 @@ from drcmitsuba.runtime.provenance import program
 from drcmitsuba.scene.fills import Fills
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import Daylight, daylight, period, weather_of
+
+SOURCES: Mapping[Source, Sources] = {
+    "all": Sources(), "sky": Sources(sun=0.0), "sun": Sources(sky=0.0, ground=0.0),
+}  # fmt: skip
+"""Sources that a picture shows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,18 +110,11 @@ class PreparedView:
         """
         instant = instant_of(time) if isinstance(time, str) else time
         light = daylight(self.case, np.array([instant]))
-        of_all = outside = OutsideLuminances.of(self.case, light, 0)
-        sky, effects = light.sky["sky"].values[0], self.case.effects
-        if effects.suns == "off":
-            outside = outside.without_sun()
-        if effects.sky == "off":  # the ground is an effect of its own
-            outside, sky = outside.times(0, 1, 1), np.where(light.sky["bin"] == "ground", sky, 0)
-        if source == "sky":
-            outside = outside.without_sun()
-        elif source == "sun":
-            outside, sky = outside.without_sky(), np.zeros_like(sky)
-        elif source != "all":
+        of_all = OutsideLuminances.of(self.case, light, 0)
+        if source not in SOURCES:
             raise InputError("picture", "source", repr(source), "give all, sky or sun")
+        sources = self.case.effects.sources.and_of(SOURCES[source])
+        outside, sky = of_all.times(*sources), sources.of_bins(light.sky["sky"].values[0])
         state = self.facade.state if state is None else state
         indices = self.facade.indices(state, choice or {}, light)
         shown = [luminance(view.in_state(indices), outside, sky) for view in self.channels]
@@ -128,11 +127,7 @@ class PreparedView:
         rgb = np.moveaxis(mean if coloured else np.repeat(mean, 3, axis=0), 0, -1)
         if self.colours is not None:
             coloured = True
-            rgb = self.colours.rgb(
-                mean[0], light, of_all, indices,
-                sky=source != "sun" and effects.sky != "off",
-                sun=source != "sky" and effects.suns != "off",
-            )  # fmt: skip
+            rgb = self.colours.rgb(mean[0], light, of_all, indices, sources)
         date = str(instant.astype("datetime64[s]"))
         picture = Picture(
             np.ascontiguousarray(rgb), self.view, BT709 if coloured else RADIANCE,

@@ -25,6 +25,7 @@ import xarray as xr
 
 from drcmitsuba.annual.spectral_year import FEWER, with_few_rays
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.effects import Sources
 from drcmitsuba.case.groups import State
 from drcmitsuba.colour.bands import TRISTIMULUS, Bands
 from drcmitsuba.colour.sources import SourceSpectra, sky_temperatures
@@ -118,8 +119,8 @@ class ViewColours:
     """Light paths in every band."""
 
     def rgb(
-        self, L: np.ndarray, light: Daylight, outside: OutsideLuminances, indices: Indices, *,
-        sky: bool, sun: bool,
+        self, L: np.ndarray, light: Daylight, outside: OutsideLuminances, indices: Indices,
+        sources: Sources,
     ) -> np.ndarray:  # fmt: skip
         """Red, green and blue (primaries and white of BT.709) of a picture of luminances.
 
@@ -133,8 +134,8 @@ class ViewColours:
             Sky, ground and sun of the instant.
         indices : tuple of int
             Fill of every opening.
-        sky, sun : bool
-            Sources whose light the picture shows.
+        sources : Sources
+            Those whose light the picture shows.
 
         Returns
         -------
@@ -146,7 +147,7 @@ class ViewColours:
         straight, gathered = np.zeros((2, 3, *L.shape))
         of_e, of_gathered, of_reflected = np.zeros((3, *L.shape))
         for seen, weight in zip(
-            self._parts(light, outside, indices, sky=sky, sun=sun), weights.T, strict=True
+            self._parts(light, outside, indices, sources), weights.T, strict=True
         ):
             E = _divided(seen.gathered, seen.reflected)
             e = _divided(_smooth(E * per_L), _smooth((seen.reflected > 0) * per_L))
@@ -165,16 +166,13 @@ class ViewColours:
         return np.ascontiguousarray(np.moveaxis(np.tensordot(to_rgb, xyz, 1), 0, -1), np.float32)
 
     def _parts(
-        self, light: Daylight, outside: OutsideLuminances, indices: Indices, *, sky: bool,
-        sun: bool,
+        self, light: Daylight, outside: OutsideLuminances, indices: Indices, sources: Sources,
     ) -> Iterator[LightParts]:  # fmt: skip
         """Parts of the light in every band."""
         under = self.bands.under(light, outside)
         for (here, of_band), traced in zip(under, self.views, strict=True):
-            patches = of_band["sky"].values[0]
-            if not sky:
-                here, patches = here.without_sky(), np.zeros_like(patches)
-            yield in_parts(traced.in_state(indices), here if sun else here.without_sun(), patches)
+            patches = sources.of_bins(of_band["sky"].values[0])
+            yield in_parts(traced.in_state(indices), here.times(*sources), patches)
 
 
 def _smooth(values: np.ndarray, edge: int = SQUARE) -> np.ndarray:

@@ -97,7 +97,7 @@ def test_pictures_of_the_sky_and_of_the_sun_add_up(rendered, monkeypatch):
         assert parts[-1].max() > 10
     whole = picture.read("out/desk_03-20_1200.exr").luminance
     assert np.allclose(sum(parts), whole, rtol=1e-4, atol=1e-2)
-    for effect, left in (("suns", parts[0]), ("sky", None)):
+    for effect, left in (("suns", parts[0]), ("sky", None), ("ground", None)):
         text = CASE + VIEW + f'[effects]\n{effect} = "off"\n'
         (rendered / "off.toml").write_text(text)
         shown = prepare("off.toml", "desk", size=24).at("03-20 12:00").picture.luminance

@@ -115,14 +115,11 @@ def turns_beyond_mirrors(scene: Scene) -> bool:
     )
 
 
-def imaged_components(scene: Scene, *, lobed: bool = False) -> frozenset[str]:
+def imaged_components(scene: Scene) -> frozenset[str]:
     """Names of the components all of whose light has images, so that photons need not follow it.
 
     Of what a rough mirror and another one send on in turn, at most `FAINT_TURN` may be left out.
-    Where photons count what is `lobed`, they follow rough mirrors, and light between them.
     """
-    if lobed and any(map(is_rough_mirror, scene.parts)):
-        return frozenset()
     rough = tuple(PlanarMirrors.rough(scene).values())
     smooth = PlanarMirrors.of(scene)
     every = rough if smooth is None else (smooth, *rough)

@@ -64,28 +64,26 @@ class Traits:
     """Absorption of solids [1/m]; None where nothing absorbs."""
     smooth: bool
     """Whether no surface scatters at random, apart from the choice to mirror or to refract."""
+    imaged: bool
+    """Whether light by way of mirrors counts that others find by its exact directions; what these
+    put on diffusing panes counts there."""
 
     @classmethod
-    def of(
-        cls, ports: ComponentPorts, panes: ChangingPanes | None, imaged: bool, lobed: bool
-    ) -> Traits:
-        """Collect the traits of a scene's surfaces for photons from the given ports.
-
-        Photons that count what is `imaged` take planar mirrors for any others, and rough ones where
-        they count what is `lobed`.
-        """
+    def of(cls, ports: ComponentPorts, panes: ChangingPanes | None, imaged: bool) -> Traits:
+        """Collect the traits of a scene's surfaces for photons from the given ports."""
         scene, parts = ports.scene, ports.scene.parts
         bits = [_bits(part) | (OWN if part.component == ports.name else 0) for part in parts]
         mirrors = PlanarMirrors.of(scene)
-        if mirrors is not None and not imaged:
+        if mirrors is not None:
             bits = [bit | IMAGES * (i in mirrors.parts) for i, bit in enumerate(bits)]
-        for rough in () if lobed else PlanarMirrors.rough(scene).values():
+        for rough in PlanarMirrors.rough(scene).values():
             bits = [bit | LOBES * (i in rough.parts) for i, bit in enumerate(bits)]
         if panes is not None:
             changes = map(panes.have, parts)
             bits = [bit | CHANGES * change for bit, change in zip(bits, changes, strict=True)]
         smooth = all(_is_smooth(part.material) for part in parts)
-        return cls(mi.UInt32(table(scene, bits, np.uint32)), absorption(scene), smooth)
+        of_number = mi.UInt32(table(scene, bits, np.uint32))
+        return cls(of_number, absorption(scene), smooth, imaged)
 
 
 def _is_smooth(material: SurfaceMaterial) -> bool:
@@ -196,6 +194,8 @@ def follow(
         si = scene.surfaces.ray_intersect(ray, flags, coherent=False, active=active)
         met = active & si.is_valid()
         counts = chain == _OWN
+        if dr.hint(traits.imaged, mode="scalar"):
+            counts |= chain == _IMAGED
         column = start.bin + dr.select(by_pane, sums.half.squares, 0)
         passed = scene.passed(ray.o, ray.d, active)
         squares.record(

@@ -128,16 +128,13 @@ class ComponentPorts:
     """Name of the component; "" stands for the panes."""
 
     @classmethod
-    def of(
-        cls, scene: Scene, *, imaged: bool = False, lobed: bool = False
-    ) -> tuple[ComponentPorts, ...]:
+    def of(cls, scene: Scene, *, imaged: bool = False) -> tuple[ComponentPorts, ...]:
         """Collect the ports of each component of a scene, and at last those of the panes.
 
-        Where photons do not count what is `imaged`, ports whose light has images are left out; so
-        are those of rough mirrors, where they do not count what is `lobed`.
+        Where photons do not count what is `imaged`, ports whose light has images are left out.
         """
         quads: dict[str, list[np.ndarray]] = {}
-        apart = frozenset() if imaged or not scene.ports else imaged_components(scene, lobed=lobed)
+        apart = frozenset() if imaged or not scene.ports else imaged_components(scene)
         ports = [port for port in scene.ports if port.component not in apart]
         for port in [*ports, *pane_ports(scene, imaged=imaged)] if scene.followed else []:
             quads.setdefault(port.component, []).append(port.quad)

@@ -77,9 +77,8 @@ class PhotonTracer:
     world: PhotonScene
     """Surfaces that photons meet."""
     imaged: bool = False
-    """Whether light by way of planar mirrors counts, which has exact images: see `image_suns`."""
-    lobed: bool = False
-    """Whether light by way of rough mirrors in few planes counts, see `sun_lobes`."""
+    """Whether light by way of planar mirrors, and of rough ones in few planes, counts; it has exact
+    directions: see `image_suns` and `sun_lobes`."""
     panes: ChangingPanes | None = None
     """Panes that other states change: light until they are met is kept for these states."""
     APART: ClassVar[int] = 0x10001
@@ -89,7 +88,6 @@ class PhotonTracer:
     def of(
         cls, scene: Scene, points: np.ndarray, normals: np.ndarray, suns: np.ndarray,
         diameter: float, subdivision: int | None, accuracy: Accuracy, *, imaged: bool = False,
-        lobed: bool = False,
     ) -> PhotonTracer | None:  # fmt: skip
         """Prepare photons for sensors at points and for all cells; None without ports.
 
@@ -98,7 +96,7 @@ class PhotonTracer:
         InputError
             No light can reach a component.
         """
-        every_port = ComponentPorts.of(scene, imaged=imaged, lobed=lobed) if scene.followed else ()
+        every_port = ComponentPorts.of(scene, imaged=imaged) if scene.followed else ()
         if not every_port:
             return None
         # Behind a closed shade a component sees nothing straight: its light comes by way of panes.
@@ -116,7 +114,6 @@ class PhotonTracer:
             every_port, CellAreas.of(scene, grid, seed, reached),
             Squares.of(scene, points, normals, accuracy.sensor_square), suns, diameter,
             subdivision, accuracy.photons, accuracy.photon_surfaces, PhotonScene.of(scene), imaged,
-            lobed,
         )  # fmt: skip
 
     @property
@@ -240,7 +237,7 @@ class _Source:
         kind, ports, panes = self.kind, self.ports, self.tracer.panes
         listed = panes is not None and bool(ports.name) and some is None
         could = ports.could(kind.sources) * kind.sends[:, None]
-        traits = Traits.of(ports, panes, self.tracer.imaged, self.tracer.lobed)
+        traits = Traits.of(ports, panes, self.tracer.imaged)
         met, counter = [_NO_PHOTONS], ports.scene.ray_counter
         with counter.purpose(Stream.PHOTONS.name, kind.draw.name, ports.name):
             for share, seen, lane in self._launches(np.flatnonzero(could.any(axis=1)), some):

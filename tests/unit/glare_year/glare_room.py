@@ -56,6 +56,8 @@ def sum_over(pixels, L, forward):
 def by_suns(known, forward):
     """Vertical illuminance by the images of the suns [lx], shape (hour,)."""
     images = known.seen.images
+    if (known.sun_index < 0).all():
+        return np.zeros(len(known.sun_index))
     cosine = np.maximum(images.direction @ forward, 0)
     each = cosine * images.solid_angle * images.transmittance
     by_sun = np.bincount(images.sun, each, known.sun_index.max() + 1)

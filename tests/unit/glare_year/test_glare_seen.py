@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
@@ -9,7 +10,9 @@ from drcmitsuba_plugins.patches import patch_index
 from drcmitsuba_plugins.sampling import disk_solid_angle
 
 from drcmitsuba.annual.run import Run
+from drcmitsuba.case.case import Case
 from drcmitsuba.glare_year.eyes import eyes
+from drcmitsuba.glare_year.pixels import rays
 from drcmitsuba.glare_year.rule import Rule
 from drcmitsuba.glare_year.state import at_eyes, places
 from drcmitsuba.picture.glare import glare
@@ -18,6 +21,7 @@ from drcmitsuba.picture.position_index import position_index
 from drcmitsuba.picture.view import PictureView
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime import backend
+from drcmitsuba.scene import scene
 from drcmitsuba.sky.daylight import daylight
 from tests.unit.glare_year.glare_room import by_suns, case_in, sum_over
 
@@ -30,7 +34,11 @@ NORMAL, TAU, EXPONENT = np.array([0, -1.0, 0]), 0.7, 4.5
 @pytest.fixture(scope="module")
 def office(tmp_path_factory):
     """Case, daylight, eyes and the open state of the façade."""
-    case = case_in(tmp_path_factory.mktemp("office"))
+    return seen_in(tmp_path_factory.mktemp("office"))
+
+
+def seen_in(folder, more=""):
+    case = case_in(folder, more=more)
     backend.select()
     light, looking = daylight(case), eyes(case)
     run = Run.of(case, plan(case, light).scope)
@@ -71,8 +79,11 @@ def test_the_sky_is_seen_through_the_pane_with_its_transmittance(office):
         assert sum_over(seen, ones, forward) == pytest.approx(np.pi, rel=4e-3)  # pixels have a size
 
 
-def test_pixels_and_suns_add_up_to_the_illuminance_at_the_eye(office):
-    _, _, looking, place, illuminance = office
+@pytest.mark.parametrize("off", ["", "sky", "ground", "suns"])
+def test_pixels_and_suns_add_up_to_the_illuminance_at_the_eye(office, off, tmp_path):
+    """Also where a source is left out, which then is not seen either."""
+    shown = seen_in(tmp_path, f'[effects]\n{off} = "off"\n') if off else office
+    _, _, looking, place, illuminance = shown
     known = place.known
     L = known.at(np.arange(6))
     for i, forward in enumerate(looking.forward):
@@ -82,6 +93,23 @@ def test_pixels_and_suns_add_up_to_the_illuminance_at_the_eye(office):
         # 4 replicates; a pixel's edge may lie 2 % beside that of the window.
         assert (np.abs(difference) < 5 * error + 0.02 * Ev.mean(axis=0)).all()
         assert abs(difference.sum()) < 0.01 * Ev.mean(axis=0).sum() + 5 * np.hypot.reduce(error)
+
+
+@pytest.mark.parametrize("place", [(0, 0), (1.5, 1.5), (-2, 2)])
+def test_no_ray_leaves_a_closed_room_at_its_corners(place):
+    """From a diagonal of a square room, many rays would meet a corner in one upright line."""
+    backend.select()
+    case = Case.model_validate(
+        {
+            "room": {"size": [6.0, 6.0, 3.0]},
+            "sensors": {"corner": [1, 1, 0.8], "count": [2, 2], "spacing": 1.0},
+        }
+    )
+    eye = np.array([3 + place[0], 3 + place[1], 1.2])
+    every = np.concatenate([rays(np.array([[0, y, 0.0]])).directions for y in (1, -1)])
+    d = mi.Vector3f(*every.T.astype(np.float32))
+    met = scene.load(case).full.ray_intersect(mi.Ray3f(mi.Point3f(*map(float, eye)), d))
+    assert dr.all(met.is_valid())
 
 
 def test_the_sun_is_seen_through_the_pane_as_a_disk(office):

@@ -9,7 +9,14 @@ from drcmitsuba_plugins.sampling import disk_solid_angle
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
-from drcmitsuba.model.materials import DielectricMaterial, Lambertian, MirrorMaterial
+from drcmitsuba.model.materials import (
+    DielectricMaterial,
+    DiffuserMaterial,
+    GlazingMaterial,
+    Lambertian,
+    MirrorMaterial,
+)
+from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.geometry import Port, Surface
@@ -32,6 +39,7 @@ def _mirrors_are_left_to_photons(monkeypatch):
 
 
 FILM = ROOT / "scenes" / "films" / "prism.xml"
+OPAL = DiffuserMaterial(type="diffuser", transmittance=0.4)
 X, Y, Z = np.eye(3)
 DIRECTIONS = np.array([[0, -0.8, 0.6], [0.48, -0.64, 0.6], [0, -0.28, 0.96], [0, 0.8, 0.6]])
 WIDE = Suns(tuple(f"sun_{i}" for i in range(4)), DIRECTIONS, 30.0)
@@ -456,6 +464,27 @@ def test_photons_without_sensors_light_cells():
     assert by_sun.sum() > 0
     assert landed.sensors().sun.shape == (0, 1)
     assert landed.smear.shape == (0,)
+
+
+def test_what_mirrors_send_to_a_diffusing_pane_counts_there(monkeypatch):
+    """Photons of pictures count the sky in mirrors, not what it sends on by a shade behind them."""
+    monkeypatch.undo()  # mirrors have exact images
+    backend.select()
+    wall = Surface("m", mirror(0.9), quad([-2, -1, 0], 3 * Z, 8 * X)[None], "m")
+    floor = Surface("floor", Lambertian(0.5), quad([0, 0.1, 0], 4 * X, 4 * Y)[None])
+    room = Surface(
+        "room", Lambertian(0.0), box([-3, 0, -1], [7, 5, 4], fronts=-1)[[0, *range(2, 6)]]
+    )
+    ports = (Port("m", quad([-2, -0.99, 0], 8 * X, 3 * Z)),)
+    window = quad([-3, 0, -1], 10 * X, 5 * Z)[None]
+    light = []
+    for pane in (GlazingMaterial(type="glazing", transmittance=0.7), OPAL):
+        scene = scenes.build([wall, floor, room, Surface("pane", pane, window)], ports=ports)
+        none, accuracy = np.zeros((0, 3)), Accuracy(photons=1 << 12)
+        tracer = PhotonTracer.of(scene, none, none, none, 0.5, 1, accuracy, imaged=True)
+        light.append(tracer.traced(3).cells.sky.numpy().sum())
+    assert light[0] > 1
+    assert light[1] < 1e-3 * light[0]  # of two mirrors in turn
 
 
 def test_a_mirror_alone_lets_everything_escape():
