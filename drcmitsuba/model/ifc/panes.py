@@ -17,6 +17,8 @@ LEAST_SHARE = 0.1
 """Area of a further pane of an element, over that of the largest one, at least [–]."""
 LEAST = 1e-3
 """Area of the smallest pane [m²]."""
+APART = 0.25
+"""Distance between parallel faces from which on they are of two panes [m]."""
 SEAM = 2e-3
 """Width of seams within a pane that are closed [m]."""
 
@@ -24,7 +26,7 @@ SEAM = 2e-3
 def sheets_of(triangles: np.ndarray) -> np.ndarray:
     """Sheets in the middle of the panes that triangles enclose.
 
-    Panes behind one another, as of an insulating glass unit, are one sheet.
+    Panes close behind one another, as of an insulating glass unit, are one sheet.
 
     Parameters
     ----------
@@ -48,9 +50,19 @@ def sheets_of(triangles: np.ndarray) -> np.ndarray:
         first = first or size
         if size < LEAST_SHARE * first:
             break
-        out += _sheet(triangles[mine], area[mine])
+        for each in _apart(triangles[mine] @ axis):
+            out += _sheet(triangles[mine][each], area[mine][each])
         triangles, normal, area = (a[~mine] for a in (triangles, normal, area))
     return np.concatenate(out)
+
+
+def _apart(reach: np.ndarray) -> list[np.ndarray]:
+    """Indices of triangles of each pane, by how far their corners (triangle, 3) reach [m]."""
+    low = reach.min(axis=1)
+    order = low.argsort()
+    so_far = np.maximum.accumulate(reach.max(axis=1)[order])
+    begins = np.flatnonzero(low[order][1:] > so_far[:-1] + APART) + 1
+    return np.split(order, begins)
 
 
 def _sheet(triangles: np.ndarray, area: np.ndarray) -> list[np.ndarray]:

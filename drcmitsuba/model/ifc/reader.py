@@ -36,6 +36,8 @@ STEEP = 0.5
 WHOLE = "Windows without a transparent part are glass as a whole"
 LONGEST = 1800.0
 """Longest time that a file may take to be read [s]."""
+CONVERGENCE = 5.0
+"""Largest angle between a map's grid and true north, with room for rounding [deg]."""
 NO_SPACES = (
     "The file has no IfcSpace: grids lie above its floors; rooms can be named in [spaces.NAME]"
 )
@@ -91,7 +93,7 @@ def _read(file: Path) -> Model:
         notes.add(NO_SPACES)
     note_reflectances((name for layer in layers for name in layer.names), notes)
     return Model(
-        layers=layers, location=_location(source), north=_north(source),
+        layers=layers, location=_location(source), north=_north(source, notes),
         spaces=spaces_of(spaces, notes), notes=notes.sentences(),
     )  # fmt: skip
 
@@ -157,10 +159,23 @@ def _degrees(parts: tuple[int, ...]) -> float:
     return float(sum(p / scale for p, scale in zip(parts, (1, 60, 3600, 3.6e9), strict=False)))
 
 
-def _north(source: Any) -> float:
-    """Direction of true north, clockwise from the y axis [deg]."""
+def _north(source: Any, notes: Notes) -> float:
+    """Direction of true north, clockwise from the y axis [deg].
+
+    The axes of a map take precedence over a stated true north, as IFC 4 has it, where both differ
+    by more than the grid of a map does from true north.
+    """
+    stated = on_map = None
     for context in source.by_type("IfcGeometricRepresentationContext", include_subtypes=False):
-        if context.TrueNorth is not None:
+        if context.TrueNorth is not None and stated is None:
             x, y = context.TrueNorth.DirectionRatios[:2]
-            return math.degrees(math.atan2(x, y)) % 360
-    return 0.0
+            stated = math.degrees(math.atan2(x, y)) % 360
+    for map_ in source.by_type("IfcMapConversion") if source.schema != "IFC2X3" else ():
+        if map_.XAxisAbscissa is not None and map_.XAxisOrdinate is not None:
+            on_map = math.degrees(math.atan2(map_.XAxisOrdinate, map_.XAxisAbscissa)) % 360
+    if on_map is None or stated is None:
+        return on_map or stated or 0.0
+    if abs((on_map - stated + 180) % 360 - 180) <= CONVERGENCE:
+        return stated
+    notes.add(f"North is that of the map, at {on_map:.1f}°; true north is stated at {stated:.1f}°")
+    return on_map

@@ -51,6 +51,21 @@ def test_two_panes_of_a_window_are_one_sheet(tmp_path):
     assert "Windows without a visible transmittance have 0.6: glass." in model.notes
 
 
+def test_panes_of_one_element_in_two_walls_are_two_sheets(tmp_path):
+    """A curtain wall around a room has glass to the south and to the north."""
+    made = building.house()
+    panes = building.joined(
+        building.box((5, -0.11, 1), (7, -0.09, 2)), building.box((5, 5.09, 1), (7, 5.11, 2))
+    )
+    made.add("IfcCurtainWall", "all round", building.box((5, -0.15, 0), (7, -0.05, 0.1)), panes)
+    model = ifc.read(made.written(tmp_path))
+    quads = np.concatenate([layer.quads for layer in model.layers if layer.role == "pane"])
+    middle, size = quads[..., 1].mean(axis=1), areas(quads)
+    for place, area in ((-0.1, 2.0), (5.1, 2.0), (-0.108, 1.8 * 0.8)):
+        assert size[abs(middle - place) < 1e-4].sum() == pytest.approx(area, rel=1e-3)
+    assert size.sum() == pytest.approx(4 + 1.8 * 0.8, rel=1e-3)
+
+
 def test_a_window_without_glass_is_glass_as_a_whole(tmp_path):
     made = building.house()
     made.add("IfcWindow", "plain", building.box((5, -0.15, 1), (6, -0.05, 2)))
@@ -67,6 +82,23 @@ def test_place_and_north_are_read(tmp_path):
     model = ifc.read(made.written(tmp_path))
     assert (model.location.latitude, model.location.longitude) == (57.5, -11.25)
     assert model.north == pytest.approx(30)
+
+
+@pytest.mark.parametrize(
+    ("stated", "north", "told"), [(None, 90, False), (92, 92, False), (0, 90, True)]
+)
+def test_the_axes_of_a_map_take_precedence(tmp_path, stated, north, told):
+    """True north within a map's convergence is more exact than its grid."""
+    made = building.house()
+    if stated is not None:
+        turned = np.sin(np.radians(stated)), np.cos(np.radians(stated))
+        made.whole.TrueNorth = made.model.createIfcDirection([*map(float, turned)])
+    grid = made.model.createIfcProjectedCRS("EPSG:2056")
+    place = 2.6e6, 1.2e6, 0.0
+    made.model.createIfcMapConversion(made.whole, grid, *place, 0.0, 1.0, 1.0)
+    model = ifc.read(made.written(tmp_path))
+    assert model.north == pytest.approx(north)
+    assert any("North is that of the map" in note for note in model.notes) == told
 
 
 def test_a_file_without_spaces_says_so(tmp_path):
