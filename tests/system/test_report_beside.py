@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import os
 import re
 import shutil
 from pathlib import Path
@@ -94,9 +95,20 @@ def test_glare_of_another_facade_is_left_out(copied):
     for change, kept in (({}, True), ({"seed": 7}, True), ({"materials": {}}, False)):
         glare = GLARE | {"settings": settings | change}
         (copied / "glare.json").write_text(json.dumps(glare))
-        (facade,) = Report.of_folders([copied]).facades
+        shutil.copy(copied / "desk 03-21.png", copied / "glare_year.png")
+        report = Report.of_folders([copied])
+        (facade,) = report.facades
         assert (facade.glare is not None) == kept
+        assert ("glare_year" in report.html()) == kept
         assert any("glare.json is of another" in note for note in facade.notes) != kept
+
+
+def test_pictures_older_than_the_evaluation_are_told(copied):
+    evaluated = (copied / "metrics.json").stat().st_mtime
+    for age, told in ((-10, False), (3600, True)):
+        os.utime(copied / "desk 03-21.png", 2 * (evaluated - age,))
+        (facade,) = Report.of_folders([copied]).facades
+        assert any("of another façade: desk 03-21.png" in note for note in facade.notes) == told
 
 
 def test_the_browser_tells_who_lights_the_nearest_traced_point(page, tmp_path_factory):

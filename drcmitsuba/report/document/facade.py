@@ -16,7 +16,11 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.metrics.evaluate_metrics import settings_of
 from drcmitsuba.report.document.light_of_sensors import light_of_sensors
 from drcmitsuba.report.document.stored_lights import stored_lights
-from drcmitsuba.report.document.stored_pictures import StoredGlare, stored_glare
+from drcmitsuba.report.document.stored_pictures import (
+    StoredGlare,
+    older_pictures,
+    stored_glare,
+)
 from drcmitsuba.report.metrics_file import case_of, read_numbers
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
@@ -60,6 +64,12 @@ class EvaluatedFacade:
     """Glare of views, by state of the façade."""
 
     @property
+    def lacks_glare(self) -> bool:
+        """Whether glare lies in its folder that is of another façade."""
+        known = self.folder is not None and (self.folder / "glare.json").exists()
+        return known and self.glare is None
+
+    @property
     def settings(self) -> dict[str, Any]:
         """Origin of the result: its case, weather, notes."""
         return dict(self.numbers["settings"])
@@ -100,7 +110,7 @@ class EvaluatedFacade:
         plan = _plan(folder / "plan.json")
         lights = stored_lights(folder, evidence.illuminance)
         glare, of_glare = stored_glare(folder, numbers["settings"])
-        notes += of_glare
+        notes += of_glare + older_pictures(folder)
         of_all = light_of_sensors(folder, evidence.illuminance)
         return lambda: replace(
             cls._judged(case, evidence, numbers, plan, notes),

@@ -181,7 +181,11 @@ class Report:
     def _pictures(self) -> list[tuple[str, list[PagePicture]]]:
         """Pictures of every façade that has some, by its name."""
         most = int(MOST_OF_PICTURES * LARGEST_PAGE) // len(self.facades)
-        every = [(name, pictures(f.folder, most)) for f, name in self._each if f.folder is not None]
+        every = [
+            (name, pictures(f.folder, most, glare=not f.lacks_glare))
+            for f, name in self._each
+            if f.folder is not None
+        ]
         return [(name, some) for name, some in every if some]
 
     def markdown(self) -> str:

@@ -21,6 +21,10 @@ from drcmitsuba.runtime.errors import InputError
 
 OWN = ("monthly.png", "[!g]*_plan.png", "lights_*.png", ".*")
 """Pictures that the page draws itself from numbers."""
+OF_GLARE = "glare_*.png"
+"""Pictures that the command `glare` draws."""
+AT_ONCE = 60.0
+"""Time within which pictures of an evaluation are written beside its numbers [s]."""
 MOST_PICTURES = 6
 """Largest number of pictures of a façade."""
 MOST_VIEWS = 40
@@ -46,14 +50,14 @@ class PagePicture:
     """Content as a `data:` address."""
 
 
-def pictures(folder: Path, most: int) -> list[PagePicture]:
+def pictures(folder: Path, most: int, *, glare: bool = True) -> list[PagePicture]:
     """Pictures (PNG) of a folder, made small; together at most so many characters.
 
-    Files that are no picture are left out.
+    Files that are no picture are left out, and those of glare without `glare`.
     """
     out = []
-    for path in sorted(folder.glob("*.png")):
-        if any(fnmatch(path.name, pattern) for pattern in OWN):
+    for path in _others(folder):
+        if not glare and fnmatch(path.name, OF_GLARE):
             continue
         address = _small(path)
         if address is None or len(address) > most:
@@ -63,6 +67,20 @@ def pictures(folder: Path, most: int) -> list[PagePicture]:
         if len(out) == MOST_PICTURES:
             break
     return out
+
+
+def older_pictures(folder: Path) -> tuple[str, ...]:
+    """Note pictures that are older than the evaluation of their folder."""
+    evaluated = (folder / "metrics.json").stat().st_mtime
+    names = [p.name for p in _others(folder) if p.stat().st_mtime < evaluated - AT_ONCE]
+    named = ", ".join(text(name) for name in names[:MOST_PICTURES])
+    return (f"older than the evaluation, maybe of another façade: {named}",) if names else ()
+
+
+def _others(folder: Path) -> list[Path]:
+    """Pictures of a folder that an evaluation does not draw."""
+    every = sorted(folder.glob("*.png"))
+    return [path for path in every if not any(fnmatch(path.name, own) for own in OWN)]
 
 
 def _small(path: Path) -> str | None:
