@@ -43,12 +43,16 @@ class Sample(Table):
     between: Annotated[dict[str, tuple[float, float]], Field(min_length=1, max_length=50)]
     """Lower and upper bound by key."""
 
-    def rows(self) -> list[Row]:
-        """Values of every row."""
+    @model_validator(mode="after")
+    def _rising(self) -> Sample:
         for key, (low, high) in self.between.items():
             if not (math.isfinite(low) and math.isfinite(high) and low < high):
                 got = f"{low:g} to {high:g}"
-                raise InputError("study", f"sample.between.{key}", got, "give rising bounds")
+                raise InputError("study", f"between.{key}", got, "give rising bounds")
+        return self
+
+    def rows(self) -> list[Row]:
+        """Values of every row."""
         low, high = np.array([*self.between.values()]).T
         drawn = qmc.Halton(len(low), seed=self.seed).random(self.count)
         made = low + drawn * (high - low)

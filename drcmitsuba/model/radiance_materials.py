@@ -38,6 +38,8 @@ HIGHLIGHTS = (
 COSINES = np.linspace(0, 1, 513)
 """Cosines of the incidence at which what goes through panes is tabulated."""
 SCATTERED = "Light that panes mirror counts as scattered"
+REPLACED = "Mirrors reflect alike in every direction, without their alternate material"
+BOTH_SIDES = "Mirrors reflect on both sides"
 LOST = (0.12, 0.18, 0.24, 0.36, 0.6), (0, 0.001, 0.011, 0.060, 0.167)
 """Share of mirrored light that Beckmann's facets shadow at 45° [–], by roughness."""
 LEAST_LOST = 0.5

@@ -82,7 +82,8 @@ def _by_rule(
     """
     margin, grids, count = sensors.edge, list[tuple[str, np.ndarray]](), 0
     for room in rooms:
-        within = room.outline.buffer(-margin, join_style="mitre")
+        with np.errstate(invalid="ignore"):  # GEOS warns of corners that nearly coincide
+            within = room.outline.buffer(-margin, join_style="mitre")
         if within.is_empty:
             continue
         x0, y0, x1, y1 = within.bounds

@@ -157,7 +157,7 @@ def test_a_sample_fills_its_bounds_evenly(folder):
         ("[columns]\na = [1]\nb = [1, 2]", "equally many"),
         ('rows = "none.csv"', "no such file"),
         ('rows = "bad.csv"', "more or fewer fields"),
-        ("[sample]\ncount = 2\nbetween = { a = [2, 1] }", "rising bounds"),
+        ("[sample]\ncount = 2\nbetween = { a = [2, 1] }", "sample.between.a: 2 to 1; give rising"),
         ("[gird]\na = [1]", "unknown key"),
         (f"[grid]\na = {[*range(400)]}\nb = {[*range(400)]}", "160000 rows"),
     ],

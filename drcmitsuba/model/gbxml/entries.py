@@ -19,7 +19,7 @@ LARGEST = 10**8
 """Largest file that is read [B]: its elements take some fifteen times as much memory."""
 HEAD = 4096
 """Length of a file's beginning that tells its kind [B]."""
-FARTHEST = 1e9
+FARTHEST = 1e10
 """Largest number, in the units of the file."""
 
 

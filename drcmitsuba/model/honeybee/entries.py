@@ -15,7 +15,7 @@ from drcmitsuba.runtime.errors import InputError
 
 MOST_MEMORY = 2**30
 """Largest estimate of the memory that a file's values take [B]."""
-FARTHEST = 1e9
+FARTHEST = 1e10
 """Largest coordinate, in the units of the file."""
 MEMORY = {b"{": 232, b"[": 96, b",": 32, b'"': 25}
 """Memory that Python takes for what a character begins or ends [B]."""

@@ -77,7 +77,14 @@ def _glass(modifier: JsonEntry, note: Note) -> SurfaceMaterial:
 
 
 def _mirror(modifier: JsonEntry, note: Note) -> SurfaceMaterial:
-    note("Mirrors reflect on both sides")
+    alternate = modifier.fields.get("alternate_material")
+    if alternate is not None:
+        if not isinstance(alternate, dict) or alternate.get("type") == "Void":
+            got = "void as its alternate material, so it is seen by the sun only"
+            remedy = "take out the mirror or what it hides"
+            raise modifier.refuse("alternate_material", got, remedy)
+        note(radiance_materials.REPLACED)
+    note(radiance_materials.BOTH_SIDES)
     return radiance_materials.mirror(_colour(modifier, "reflectance", 1.0), note)
 
 

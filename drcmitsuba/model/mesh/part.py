@@ -17,7 +17,7 @@ LARGEST = 512 * 2**20
 """Largest binary file that is read [B]."""
 MOST_CORNERS = 1000
 """Largest number of corners of a polygon."""
-FARTHEST = 1e9
+FARTHEST = 1e10
 """Largest coordinate, in the units of the file."""
 
 

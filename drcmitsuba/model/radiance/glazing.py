@@ -90,6 +90,15 @@ def fitted(transmittance: np.ndarray, reflectance: float) -> tuple[GlazingMateri
     return material, float(np.abs(difference[best]).max())
 
 
+def noted_fit(transmittance: np.ndarray, reflectance: float, note: Note) -> GlazingMaterial:
+    """Fit a pane as `fitted`, and note how far it is off."""
+    material, deviation = fitted(transmittance, reflectance)
+    # Rounded up to a whole hundredth, so that panes share a sentence.
+    if deviation:
+        note(f"{GLAZED} {np.ceil(100 * deviation) / 100:g} off at others")
+    return material
+
+
 def from_functions(definition: Definition, note: Note) -> GlazingMaterial | DiffuserMaterial:
     """Pane for a `BRTDfunc` whose functions depend on the incidence alone.
 
@@ -134,12 +143,8 @@ def from_functions(definition: Definition, note: Note) -> GlazingMaterial | Diff
         note(greyed(every))
     mirrored, straight = luminance(shares[0]), luminance(shares[1])
     if front == back == through == 0 and mirrored[-1] > 0:
-        material, deviation = fitted(luminance(_shares(definition, np.cos(INCIDENCE))[1]),
-                                     float(mirrored[-1]))  # fmt: skip
-        # Rounded up to a whole hundredth, so that panes share a sentence.
-        if deviation:
-            note(f"{GLAZED} {np.ceil(100 * deviation) / 100:g} off at others")
-        return material
+        over_angles = luminance(_shares(definition, np.cos(INCIDENCE))[1])
+        return noted_fit(over_angles, float(mirrored[-1]), note)
     if mirrored.max() > 0:
         note(f"{SCATTERED}: up to {100 * mirrored.max():.2g} % of the light")
     if abs(front - back) > SIDES:

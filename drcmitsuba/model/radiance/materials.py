@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drcmitsuba.model import radiance_materials
+from drcmitsuba.model import glass, radiance_materials
 from drcmitsuba.model.materials import (
     DielectricMaterial,
     Lambertian,
@@ -19,13 +19,11 @@ from drcmitsuba.model.radiance import glazing, patterns
 from drcmitsuba.model.radiance.definitions import MATERIALS, MIXTURES, Definition
 from drcmitsuba.model.radiance.films import Mounted, film
 from drcmitsuba.model.radiance.text import Primitive
-from drcmitsuba.model.radiance_materials import SMALL, Colour, plastic
+from drcmitsuba.model.radiance_materials import SMALL, Colour, luminance, plastic
 
 BLACK = "Daylight is the only light: lamps are black"
 INVISIBLE = "Surfaces without a material are left out"
 ISOTROPIC = "Brushed surfaces have the geometric mean of their two roughnesses"
-REPLACED = "Mirrors reflect alike in every direction, without their alternate material"
-BOTH_SIDES = "Mirrors reflect on both sides"
 DISPERSION = "Solids have one refractive index for all colours"
 
 DEEPEST_MIXTURE = 8
@@ -127,8 +125,18 @@ def _pane(finish: Finish) -> SurfaceMaterial:
         index = float(numbers[3]) if len(numbers) == 4 else radiance_materials.INDEX
         if not 1 < index <= 4:
             raise finish.primitive.error(f"a refractive index of {index:g}", "give 1 to 4")
+        if (finish.factor != 1).any():
+            return _patterned(finish, finish.share(numbers[:3], "a transmissivity of"), index)
         return radiance_materials.glass(as_colour(finish.colour(numbers)), index, finish.note)
     return glazing.from_functions(finish.definition, finish.note)
+
+
+def _patterned(finish: Finish, transmissivity: np.ndarray, index: float) -> SurfaceMaterial:
+    """`glass` under a pattern, which multiplies what it lets through and not what it mirrors."""
+    tau, rho = glass.pane(transmissivity, index, np.cos(glazing.INCIDENCE))
+    through = finish.share(tau * finish.factor, "a transmittance of")
+    radiance_materials.grey(through[0], finish.note)
+    return glazing.noted_fit(luminance(through), float(luminance(rho[0])), finish.note)
 
 
 def _solid(finish: Finish) -> SurfaceMaterial:
@@ -159,8 +167,8 @@ def _mirror(finish: Finish) -> SurfaceMaterial:
         if finish.definition.named[0] is None:
             got = "void as its alternate material, so it is seen by the sun only"
             raise finish.primitive.error(got, "take out the mirror or what it hides")
-        finish.note(REPLACED)
-    finish.note(BOTH_SIDES)
+        finish.note(radiance_materials.REPLACED)
+    finish.note(radiance_materials.BOTH_SIDES)
     return radiance_materials.mirror(as_colour(colour), finish.note)
 
 

@@ -10,11 +10,15 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.model.materials import DielectricMaterial, Lambertian
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import shortened
 from drcmitsuba.scene.components.placed_component import PlacedComponent, ray_offset
 from drcmitsuba.scene.geometry import Port, Surface, box, origin, reversed_quads
 
 MOST_FACES = 32
 """Largest number of faces that are ports themselves."""
+OPEN = 1e-3
+"""Area by which the faces of a body may look one way rather than the other, over that of all."""
 
 
 def of_model(case: Case) -> tuple[PlacedComponent, ...]:
@@ -26,12 +30,30 @@ def of_model(case: Case) -> tuple[PlacedComponent, ...]:
         is_left_out = layer.role == "context" and case.effects.obstructions == "off"
         if material is not None and not (is_left_out and isinstance(layer.material, Lambertian)):
             quads = layer.quads - start
+            if isinstance(material, DielectricMaterial):
+                _refuse_open(case.source, layer.name, quads)
             ports = _ports(quads, isinstance(material, DielectricMaterial))
             surface = Surface(layer.name, material, quads, layer.name)
             placed.append(
                 PlacedComponent(layer.name, (surface,), tuple(Port(layer.name, q) for q in ports))
             )
     return tuple(placed)
+
+
+def _refuse_open(source: str, name: str, quads: np.ndarray) -> None:
+    """Refuse clear solids that are no bodies, or whose faces look inward."""
+    u, v = quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1]
+    area = np.cross(u, v) / 2
+    got, remedy = "", ""
+    if np.linalg.norm(area.sum(axis=0)) > OPEN * np.linalg.norm(area, axis=1).sum():
+        got, remedy = (
+            "an open sheet of a clear solid",
+            "close its surface, or take glass for a pane",
+        )
+    elif (area * (quads.mean(axis=1) - quads.mean(axis=(0, 1)))).sum() < 0:
+        got, remedy = "a clear solid whose faces look inward", "turn its polygons"
+    if got:
+        raise InputError(source, f"model: {shortened(name)}", got, remedy)
 
 
 def _ports(quads: np.ndarray, is_solid: bool) -> np.ndarray:

@@ -429,6 +429,20 @@ def test_modifiers_become_materials(tmp_path):
     assert any("lamps are black: Glow lamp" in note for note in model.notes)
 
 
+def test_an_alternate_material_of_a_mirror_is_told_or_refused(tmp_path):
+    mirror = {"type": "Mirror", "identifier": "mirror"}
+    shades = [shade("s", 5, "mirror")]
+
+    def noted(alternate):
+        radiance = {"modifiers": [mirror | {"alternate_material": alternate}]}
+        return read(tmp_path, orphaned_shades=shades, radiance=radiance).notes
+
+    assert not any("alternate" in note for note in noted(None))
+    assert any("alternate" in note for note in noted(box.plastic("matt", 0.5, 0.5, 0.5)))
+    with pytest.raises(InputError, match="alternate_material: void"):
+        noted({"type": "Void"})
+
+
 def test_states_of_a_group_give_materials_and_shades_in_turn(tmp_path):
     room = box.room()
     states = [{"modifier": "clear"}, {"modifier": "dark", "shades": [shade("awning", 2)]}, {}]

@@ -255,6 +255,16 @@ def test_a_scaled_solid_absorbs_as_much_on_its_way_through(tmp_path):
     assert small.material.absorption == pytest.approx(2 * np.log(2))
 
 
+@pytest.mark.parametrize("pattern", ["brightfunc p 2 .5 . 0 0", "colorfunc p 4 .5 .5 .5 . 0 0"])
+def test_a_pattern_on_glass_multiplies_what_it_lets_through(pattern, tmp_path):
+    made = material(f"void {pattern}\np glass m 0 0 3 .9 .9 .9", tmp_path)
+    cosine = np.array([1.0, 0.8, 0.6, 0.4])
+    through, back = (part[:, 0] for part in glass.pane(np.array([0.9]), 1.52, cosine))
+    ours = made.transmittance * (1 - (1 - cosine) ** made.exponent)
+    np.testing.assert_allclose(ours, 0.5 * through, atol=0.01)
+    assert made.reflectance == pytest.approx(back[0])
+
+
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [

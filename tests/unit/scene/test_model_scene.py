@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.model.materials import BsdfMaterial, FacedBsdf, Lambertian
+from drcmitsuba.model.materials import BsdfMaterial, DielectricMaterial, FacedBsdf, Lambertian
 from drcmitsuba.model.polygon import area_vector
 from drcmitsuba.plan import panes
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.components import place
-from drcmitsuba.scene.geometry import near_bounds, quad
+from drcmitsuba.scene.geometry import box, near_bounds, quad
 from drcmitsuba.scene.leaks import refuse_leaks
 from drcmitsuba.scene.meshes import paired_mesh, quad_mesh
 from drcmitsuba.scene.panes_of_model import panes_of_model
@@ -174,6 +174,24 @@ def test_suns_before_a_pane_get_in_and_a_tower_hides_the_low_ones():
     assert hidden.visible(suns, 0.5).mask.tolist() == [False, False, True]
     # A bright tower passes the northern sun on.
     assert SunVisibility.of(box_room(TOWER), ()).visible(suns, 0.5).mask[1]
+
+
+@pytest.mark.parametrize(
+    ("faces", "complaint"),
+    [
+        (np.array(box(np.array([1, 1, 1.0]), np.ones(3))), ""),
+        (np.array(box(np.array([1, 1, 1.0]), np.ones(3)))[:, ::-1], "faces look inward; turn"),
+        (SOUTH[None], '"prism": an open sheet of a clear solid; close its surface'),
+    ],
+)
+def test_clear_solids_are_closed_and_face_outward(faces, complaint):
+    solid = DielectricMaterial(type="dielectric", ior=1.5)
+    case = box_room(layer("prism", solid, *faces))
+    if not complaint:
+        assert [placed.name for placed in place(case)] == ["prism"]
+        return
+    with pytest.raises(InputError, match=complaint):
+        place(case)
 
 
 def test_context_is_no_part_of_the_room():
