@@ -19,6 +19,7 @@ from drcmitsuba.plan import panes
 from drcmitsuba.plan.reflected import extent_of_rooms
 from drcmitsuba.runtime.toml import shortened
 from drcmitsuba.scene.daylit import darkness_notes
+from drcmitsuba.scene.doubled_panes import doubled_notes
 from drcmitsuba.scene.leaks import crack_notes
 from drcmitsuba.scene.materials import film
 from drcmitsuba.scene.prepared_case import prepared
@@ -145,6 +146,7 @@ def notes(case: Case) -> list[str]:
     of_groups = notes_on_groups(case.building, case.groups)
     remarks = [*case.building.notes, *of_groups, *shade_notes(case)]
     remarks += [*prepared(case).sensors.notes, *crack_notes(case), *darkness_notes(case)]
+    remarks += doubled_notes(case)
     remarks += [*_target_notes(case), *_cell_notes(case), *_space_notes(case), *colour_notes(case)]
     if case.room is not None and (note := box_and_note(case)[1]):
         remarks.append(note)

@@ -12,6 +12,7 @@ from drcmitsuba.plan import panes
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.components import place
+from drcmitsuba.scene.doubled_panes import doubled_notes
 from drcmitsuba.scene.geometry import box, near_bounds, quad
 from drcmitsuba.scene.leaks import refuse_leaks
 from drcmitsuba.scene.meshes import paired_mesh, quad_mesh
@@ -192,6 +193,14 @@ def test_clear_solids_are_closed_and_face_outward(faces, complaint):
         return
     with pytest.raises(InputError, match=complaint):
         place(case)
+
+
+@pytest.mark.parametrize(("gap", "told"), [(0.02, True), (0.0001, False), (0.3, False)])
+def test_glass_that_is_drawn_as_a_body_is_noted(gap, told):
+    case = box_room(layer("double", GLASS, SOUTH + [0, 0.5, 0], SOUTH + [0, 0.5 + gap, 0]))
+    notes = doubled_notes(case)
+    assert len(notes) == told
+    assert not told or notes[0].endswith("draw glass as one sheet: double (20 mm)")
 
 
 def test_context_is_no_part_of_the_room():
