@@ -19,6 +19,9 @@ from drcmitsuba.scene.geometry import normals, points_on
 from drcmitsuba.scene.meshes import quad_mesh
 from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 
+DOUBLED = (
+    "model: panes lie close behind one another, and light passes both; draw glass as one sheet"
+)
 THICKEST = 0.05
 """Largest distance of two panes that may be the faces of one [m]."""
 THINNEST = 2e-4
@@ -35,10 +38,7 @@ def doubled_notes(case: Case) -> list[str]:
         return []
     notes = Notes()
     for name, gap in doubled(case.building.shape, mi.variant()):
-        notes.add(
-            "model: panes lie close behind one another, and light passes both; draw glass as one sheet",
-            f"{name} ({1000 * gap:.2g} mm)",
-        )
+        notes.add(DOUBLED, f"{name} ({1000 * gap:.2g} mm)")
     return [sentence.removesuffix(".") for sentence in notes.sentences()]
 
 
