@@ -322,8 +322,8 @@ def _pane(material: Any, shape: _Shape) -> dict[str, Any]:
     if isinstance(material, DiffuserMaterial):
         most = material.most_through
         factor = _scaled(most, shape, "transmittance") / most if most else 1.0
-        keys = ("transmittance", "straight")
-        changed: dict[str, Any] = {key: _times(getattr(material, key), factor) for key in keys}
+        both = ("transmittance", "straight")
+        changed: dict[str, Any] = {key: _times(getattr(material, key), factor) for key in both}
         through = factor * most
     else:
         assert isinstance(material, GlazingMaterial)
@@ -331,7 +331,8 @@ def _pane(material: Any, shape: _Shape) -> dict[str, Any]:
         through = min(_scaled(material.transmittance, shape, "transmittance"), most)
         changed = {"transmittance": through}
     back = float(shape.values[2]) if len(shape.values) > 2 else 1.0
-    return changed | {"reflectance": min(material.reflectance * back, 1 - through)}
+    keys = ["reflectance", *["outer_reflectance"] * isinstance(material, DiffuserMaterial)]
+    return changed | {key: min(getattr(material, key) * back, 1 - through) for key in keys}
 
 
 def _times(share: float | tuple[float, ...], factor: float) -> float | tuple[float, ...]:

@@ -138,7 +138,8 @@ def _diffuser(modifier: str, material: DiffuserMaterial) -> RadianceTwin:
     albedo = through + material.reflectance
     shares = through / albedo if albedo else 1.0, straight / through if straight else 0.0
     text = f"void trans {modifier} 0 0 7 {_numbers([albedo] * 3)} 0 0 {_numbers(shares)}"
-    differs = ["a diffusing pane reflects to the outside, too"] * bool(material.reflectance)
+    inner, outer = material.sides
+    differs = ["a diffusing pane reflects alike to the outside"] * (inner != outer)
     if np.ptp(material.straight) > 0:
         differs.append("a fabric lets as much straight through as at normal incidence")
     if np.ptp(material.transmittance) > 0:

@@ -100,11 +100,12 @@ def _sides(paths: EyePaths, ends: EndRows, channels: int) -> tuple[EndRows, EndR
     materials = [paths.scene.parts[part].material for part in ends.part]
     before = ~ends.has_met(OnWay.BACK)
     towards = np.where(before[:, None], ends.normal, -ends.normal)
-    back = np.array([m.reflectance for m in materials]) * ends.weight  # of the front alone
+    sides = np.array([m.sides for m in materials]).reshape(-1, 2)
+    back = np.where(before, sides[:, 0], sides[:, 1]) * ends.weight
     through = np.array([m.scattered for m in materials]) * ends.weight
     both = (
         ends._replace(normal=n, weight=np.repeat(w[:, None], channels, axis=1))
         for n, w in ((towards, back), (-towards, through))
     )
     lit, beyond = both
-    return lit.take(before), beyond
+    return lit.take(back > 0), beyond

@@ -136,8 +136,15 @@ class DiffuserMaterial(Table):
     of the cosine of the incidence, from 0 to 1."""
     reflectance: Fraction = 0.0
     """Reflectance towards the room [–]."""
+    outer_reflectance: Fraction = 0.0
+    """Reflectance of the other side [–]."""
     straight: ByIncidence = 0.0
     """Share of the light that goes straight through [–]; several numbers are as above."""
+
+    @property
+    def sides(self) -> tuple[float, float]:
+        """Reflectances of the room's side and of the other one [–]."""
+        return self.reflectance, self.outer_reflectance
 
     @property
     def scattered(self) -> float:
@@ -159,7 +166,7 @@ class DiffuserMaterial(Table):
 
     @model_validator(mode="after")
     def _energy(self) -> DiffuserMaterial:
-        check_energy(self.most_through, self.reflectance)
+        check_energy(self.most_through, max(self.sides))
         return self
 
 

@@ -111,7 +111,8 @@ def trans(
     transmitted, reflected = grey(through, note), grey(back, note)
     if unscattered <= SMALL:
         return DiffuserMaterial(
-            type="diffuser", transmittance=transmitted, reflectance=reflected
+            type="diffuser", transmittance=transmitted, reflectance=reflected,
+            outer_reflectance=reflected,
         )  # fmt: skip
     if roughness > 0:
         if roughness < NARROWEST:
@@ -120,7 +121,7 @@ def trans(
         return translucent_pane(scattered, lobe, reflected, roughness)
     pane = DiffuserMaterial(
         type="diffuser", transmittance=(1 - straight) * transmitted, reflectance=reflected,
-        straight=straight * transmitted,
+        outer_reflectance=reflected, straight=straight * transmitted,
     )  # fmt: skip
     return at_grazing(pane) if specularity >= FRESNEL else pane
 
@@ -140,7 +141,8 @@ def at_grazing(pane: DiffuserMaterial) -> DiffuserMaterial:
         name: tuple((np.ravel(share) * (1 - more)).tolist())
         for name, share in (("transmittance", pane.transmittance), ("straight", pane.straight))
     }
-    return pane.model_copy(update={"reflectance": reflected, **through})
+    both = dict.fromkeys(("reflectance", "outer_reflectance"), reflected)
+    return pane.model_copy(update={**both, **through})
 
 
 def mean_of(share: np.ndarray) -> float:

@@ -14,6 +14,7 @@ from drcmitsuba.plan.effect import Effect
 from drcmitsuba.plan.facts import Facts
 from drcmitsuba.scene.components import PlacedComponent
 from drcmitsuba.scene.materials import albedo, film, lets_through
+from drcmitsuba.scene.panes_behind import mirroring_before
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.scene import is_coloured
 from drcmitsuba.transport.mirrors.planar_mirrors import is_planar_mirror, is_rough_mirror
@@ -192,13 +193,16 @@ def pane_to_pane(facts: Facts) -> Effect:
     above = any(c.is_open for c in facts.components)
     glazed = {side for sides in sides_of.values() for side in sides}
     mirrored = bool(mirrors) and len(glazed) + above > 1
-    if not in_turn and not mirrored:
+    before = mirroring_before(case)
+    if not in_turn and not mirrored and not before:
         return Effect(False, "no mirroring glass or film across from another opening")
     reasons: list[str] = []
     if in_turn:
         reasons.append(f"films ({', '.join(sorted(with_film))}) face other scattering panes")
     if mirrored:
         reasons.append(f"glass that mirrors ({', '.join(sorted(mirrors))}) faces another opening")
+    if before:
+        reasons.append(f"panes that scatter stand before glass that mirrors ({', '.join(before)})")
     if isinstance(case.sun, Adaptive):
         return Effect(
             False,

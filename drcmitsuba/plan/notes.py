@@ -19,9 +19,9 @@ from drcmitsuba.plan import panes
 from drcmitsuba.plan.reflected import extent_of_rooms
 from drcmitsuba.runtime.toml import shortened
 from drcmitsuba.scene.daylit import darkness_notes
-from drcmitsuba.scene.doubled_panes import doubled_notes
 from drcmitsuba.scene.leaks import crack_notes
 from drcmitsuba.scene.materials import film
+from drcmitsuba.scene.panes_behind import doubled_notes
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.spaces import box_and_note
 from drcmitsuba.scene.surfaces import surfaces_of

@@ -262,9 +262,7 @@ class GlowTable:
         assert self.patches is not None
         optics: list[Any] = [pane.material for pane in self.scene.scattering]
         through = np.repeat([optics[i].scattered for i in self.patches.owner], 2)
-        back = np.repeat([optics[i].reflectance for i in self.patches.owner], 2)
-        back[1::2] = 0  # the back reflects nothing, as in `materials.bsdf`
-        return flat(through), flat(back)
+        return flat(through), flat([optics[i].sides for i in self.patches.owner])
 
     def _of_faces(self, lit: Deposit, L_sky: np.ndarray, L_sun: float) -> mi.Float:
         assert self.patches is not None

@@ -22,8 +22,9 @@ exits
     Rectangles that straight light passes on its way out of the rooms of a model.
 floors_of_model, spaces, space_walls, wall_sides
     Floors and rooms of a model; spaces by name, their walls, and what lies on either side.
-leaks, daylit, doubled_panes
-    Rooms of a model that are open to the sky, and those that no daylight enters; doubled glass.
+leaks, daylit, panes_behind
+    Rooms of a model that are open to the sky, those that no daylight enters, panes close behind
+    one another.
 surfaces, sensors, sensors_of_model, views
     All surfaces of a case as plain geometry; points at which illuminance is computed; eyes.
 prepared_case

@@ -104,10 +104,10 @@ def is_diffuse(material: SurfaceMaterial) -> bool:
 
 
 def ends_paths(material: SurfaceMaterial) -> bool:
-    """Whether a pane reflects nothing into the room."""
-    if isinstance(material, GlazingMaterial) and material.ior is not None:
-        return False
-    return isinstance(material, GlazingMaterial | DiffuserMaterial) and material.reflectance == 0
+    """Whether a pane reflects nothing into a room."""
+    if isinstance(material, GlazingMaterial):
+        return material.ior is None and material.reflectance == 0
+    return isinstance(material, DiffuserMaterial) and not any(material.sides)
 
 
 def channel_of(reflectance: Reflectance, channel: int) -> float:
@@ -142,7 +142,7 @@ def albedo(material: SurfaceMaterial) -> float:
         gaps = material.porosity
         return gaps + (1 - gaps) * max_reflectance(material.reflectance)
     if isinstance(material, DiffuserMaterial):
-        return min(1.0, material.most_through + material.reflectance)
+        return min(1.0, material.most_through + max(material.sides))
     if isinstance(material, GlazingMaterial):
         return min(1.0, material.transmittance + material.reflectance)
     if isinstance(material, BsdfMaterial):
@@ -224,9 +224,9 @@ def bsdf(material: SurfaceMaterial, channel: int = 0, clockwise: float = 0.0) ->
     Returns
     -------
     dict
-        Argument of `mi.load_dict`. Panes reflect towards the room only, because light reflected
-        to the outside returns to a sensor only by way of other surfaces there. Measured panes keep
-        the reflection of their file, and those with a refractive index mirror on both sides.
+        Argument of `mi.load_dict`. Glass reflects towards the room only, because light reflected
+        to the outside returns to a sensor only by way of other surfaces there; that with a
+        refractive index mirrors on both sides. Measured panes keep the reflection of their file.
     """
     if isinstance(material, BsdfMaterial):
         measured = film(material.file)
@@ -267,8 +267,10 @@ def bsdf(material: SurfaceMaterial, channel: int = 0, clockwise: float = 0.0) ->
             tables = (mi.TensorXf(t.astype(np.float32)) for t in material.tables(STEPS))
             pane["transmittance"], pane["reflectance_front"] = tables
             del pane["exponent"], pane["reflectance_back"]  # both sides mirror
-    elif material.most_straight > 0:
-        pane["straight"] = _by_incidence(material.straight)
+    else:
+        pane["reflectance_back"] = material.outer_reflectance
+        if material.most_straight > 0:
+            pane["straight"] = _by_incidence(material.straight)
     return pane
 
 

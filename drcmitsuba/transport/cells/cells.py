@@ -41,12 +41,12 @@ def _bounds_of_rooms(scene: Scene) -> np.ndarray | None:
 
 
 def furniture(scene: Scene) -> np.ndarray:
-    """Diffuse quads (quad, 4, 3) that stand in the rooms, apart from their bounds [m].
+    """Quads (quad, 4, 3) that stand in the rooms, apart from their bounds [m]: also panes.
 
     They are in the frame along most walls; there are none where nothing bounds the rooms.
     """
     bounds = _bounds_of_rooms(scene)
-    quads = [part.quads for part in scene.parts if is_diffuse(part.material)]
+    quads = [p.quads for p in scene.parts if is_diffuse(p.material) or not p.component]
     if bounds is None or not quads:
         return np.zeros((0, 4, 3))
     return standing(scene.along_walls(np.concatenate(quads)), *bounds)

@@ -130,7 +130,7 @@ def _mirrors_suns(world: scene.Scene) -> bool:
 def _from_outside(
     case: Case, part: scene.ScenePart, materials: set[SurfaceMaterial | None], count: int
 ) -> scene.ScenePart:
-    """Pane that reflects nothing into the room: the paths count what it reflects.
+    """Pane that reflects nothing: the paths count what it reflects.
 
     An opening has `count` quads: a part with more of them holds other panes of the same material.
     """
@@ -139,5 +139,6 @@ def _from_outside(
             got = f"a pane outside of the openings has the material of a fill, {part.name}"
             remedy = "join it to a group, or give it another transmittance"
             raise InputError(case.source, "groups", got, remedy)
-        return replace(part, material=part.material.model_copy(update={"reflectance": 0.0}))
+        bare = {"reflectance": 0.0, "outer_reflectance": 0.0}
+        return replace(part, material=part.material.model_copy(update=bare))
     return part

@@ -143,7 +143,7 @@ def pane_transfer(
     out, stride = dr.zeros(mi.Float64, count * faces), dr.opaque(mi.UInt32, faces)
     optics: list[Any] = [pane.material for pane in scene.scattering]
     through = flat([optics[i].scattered for i in patches.owner])
-    back = flat([optics[i].reflectance for i in patches.owner])
+    back = flat([optics[i].sides for i in patches.owner])
     every = looks(
         scene, patches, points, normals, rays=rays, seed=seed, numbers=numbers, within=within
     )
@@ -151,10 +151,13 @@ def pane_transfer(
     for look in every:
         seen = look.weight > 0
         near = 2 * look.patch + dr.select(look.front, mi.UInt32(0), 1)
-        # The back reflects nothing, as in `materials.bsdf`.
-        for face, albedo, lit in ((near ^ 1, through, seen), (near, back, seen & look.front)):
-            value = look.weight * dr.gather(mi.Float, albedo, look.patch, lit)
-            add_at(out, mi.Float64(value), look.row * stride + face, lit & (value > 0))
+        sent = (
+            (near ^ 1, dr.gather(mi.Float, through, look.patch, seen)),
+            (near, dr.gather(mi.Float, back, near, seen)),
+        )
+        for face, albedo in sent:
+            value = look.weight * albedo
+            add_at(out, mi.Float64(value), look.row * stride + face, seen & (value > 0))
     dr.eval(out)
     return mi.TensorXf(mi.Float(out), (count, faces))
 

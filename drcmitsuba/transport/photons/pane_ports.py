@@ -39,9 +39,9 @@ class Side(NamedTuple):
 
     @property
     def sends_back(self) -> bool:
-        """Whether the pane reflects light that comes to this side; a diffusing one to the room."""
+        """Whether the pane reflects light that comes to this side."""
         m = self.part.material
-        return not isinstance(m, DiffuserMaterial) or (self.from_room and m.reflectance > 0)
+        return not isinstance(m, DiffuserMaterial) or m.sides[not self.from_room] > 0
 
 
 def pane_sides(scene: Scene, *, imaged: bool = False) -> list[Side]:

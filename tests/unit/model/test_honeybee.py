@@ -420,7 +420,8 @@ def test_modifiers_become_materials(tmp_path):
     assert made["coloured"] == Lambertian((0.6, 0.4, 0.2))
     assert made["lamp"] == Lambertian(0.0)
     assert made["mirror"] == MirrorMaterial(type="mirror", reflectance=1)
-    assert made["sheet"] == DiffuserMaterial(type="diffuser", transmittance=0.2, reflectance=0.3)
+    both = {"reflectance": 0.3, "outer_reflectance": 0.3}
+    assert made["sheet"] == DiffuserMaterial(type="diffuser", transmittance=0.2, **both)
     assert made["glossy"].reflectance == pytest.approx(0.55)
     assert made["glossy"].specular == pytest.approx(0.1 / 0.55)
     assert made["shiny"].specular == pytest.approx(0.95)

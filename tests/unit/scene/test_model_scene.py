@@ -6,16 +6,22 @@ import numpy as np
 import pytest
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.model.materials import BsdfMaterial, DielectricMaterial, FacedBsdf, Lambertian
+from drcmitsuba.model.materials import (
+    BsdfMaterial,
+    DielectricMaterial,
+    DiffuserMaterial,
+    FacedBsdf,
+    Lambertian,
+)
 from drcmitsuba.model.polygon import area_vector
 from drcmitsuba.plan import panes
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.components import place
-from drcmitsuba.scene.doubled_panes import doubled_notes
 from drcmitsuba.scene.geometry import box, near_bounds, quad
 from drcmitsuba.scene.leaks import refuse_leaks
 from drcmitsuba.scene.meshes import paired_mesh, quad_mesh
+from drcmitsuba.scene.panes_behind import doubled_notes, mirroring_before
 from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.scene import load
 from drcmitsuba.scene.sensors import sensor_points
@@ -201,6 +207,21 @@ def test_glass_that_is_drawn_as_a_body_is_noted(gap, told):
     notes = doubled_notes(case)
     assert len(notes) == told
     assert not told or notes[0].endswith("draw glass as one sheet: double (20 mm)")
+
+
+@pytest.mark.parametrize(
+    ("material", "gap", "names"),
+    [
+        ({"transmittance": 0.4, "outer_reflectance": 0.3}, 0.2, ["glass"]),
+        ({"transmittance": 0.4, "reflectance": 0.3}, -0.2, ["glass"]),
+        ({"transmittance": 0.4}, 0.2, []),
+        ({"transmittance": 0.4, "reflectance": 0.3}, 4.0, []),
+    ],
+)
+def test_panes_that_scatter_before_glass_that_mirrors_are_known(material, gap, names):
+    opal = DiffuserMaterial(type="diffuser", **material)
+    case = box_room(layer("opal", opal, SOUTH + [0, gap, 0]))
+    assert mirroring_before(case) == names
 
 
 def test_context_is_no_part_of_the_room():

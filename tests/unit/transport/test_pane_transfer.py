@@ -41,8 +41,11 @@ from tests.unit.transport.exact_scenes import (
     ],
     ids=["parallel", "upright", "close"],
 )
-def test_transfer_from_patches_is_t_times_the_form_factor(pane, same):
-    scene = scenes.build([surface(diffuser(0.4, 0.3), pane)])
+@pytest.mark.parametrize("turned", [False, True])
+def test_transfer_from_patches_is_t_times_the_form_factor(pane, turned, same):
+    sides = {"outer_reflectance": 0.3} if turned else {"reflectance": 0.3}
+    material = DiffuserMaterial(type="diffuser", transmittance=0.4, **sides)
+    scene = scenes.build([surface(material, pane[::-1] if turned else pane)])
     patches = PanePatches.of([s.quads for s in scene.scattering], 0.5)
     n = 32
     k = by_replicate(
@@ -50,9 +53,10 @@ def test_transfer_from_patches_is_t_times_the_form_factor(pane, same):
     )[:, 0]
     a, u, v = patches.corner, patches.u, patches.v
     corners = np.stack([a, a + u, a + u + v, a + v], axis=1)
-    factor = polygon_factor(np.zeros(3), corners)
-    same(k[:, 1::2], exact=0.4 * factor, within=0.003)  # through the pane, from its back
-    same(k[:, 0::2], exact=0.3 * factor, within=0.003)  # off the pane, from its front
+    factor = np.abs(polygon_factor(np.zeros(3), corners))
+    near, far = (1, 0) if turned else (0, 1)
+    same(k[:, far::2], exact=0.4 * factor, within=0.003)  # through the pane
+    same(k[:, near::2], exact=0.3 * factor, within=0.003)  # off the pane
 
 
 @pytest.mark.parametrize("height", [0.05, 1.0])
