@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -43,13 +43,13 @@ def optimise(
     from drcmitsuba.plan import without_rounds
 
     with stages() as stage:
-        (_tilt if is_tilt else _facade)(loaded, output, stage)
-    show_notes(without_rounds(loaded.accuracy.goal))
+        notes = (_tilt if is_tilt else _facade)(loaded, output, stage)
+    show_notes([*notes, *without_rounds(loaded.accuracy.goal)])
     print(f"results are in {output}")
 
 
-def _facade(case: Case, output: Path, stage: Stage) -> None:
-    """Search the best façade, and the best façades under other limits of ASE."""
+def _facade(case: Case, output: Path, stage: Stage) -> Sequence[str]:
+    """Search the best façade, and the best façades under other limits of ASE; return notes."""
     from drcmitsuba.design import pictures
     from drcmitsuba.design.any_layout import layout_of
     from drcmitsuba.design.measure import NAMES
@@ -102,9 +102,10 @@ def _facade(case: Case, output: Path, stage: Stage) -> None:
         )
     if front is not None:
         print(f"{len(front.points)} façades on the Pareto front (pareto.csv)")
+    return layout.notes
 
 
-def _tilt(case: Case, output: Path, stage: Stage) -> None:
+def _tilt(case: Case, output: Path, stage: Stage) -> Sequence[str]:
     """Search the best tilt of lamellae."""
     from drcmitsuba.annual.result import evaluate
     from drcmitsuba.design import pictures
@@ -128,6 +129,7 @@ def _tilt(case: Case, output: Path, stage: Stage) -> None:
     if indistinct := problem.indistinct(tilt):
         print(f"{len(indistinct)} other tilts may be as good: their intervals overlap")
     print(f"{len(problem.simulated)} tilts simulated in {optimum.seconds:.1f} s")
+    return ()
 
 
 def _save_numbers(optimum: Optimum, output: Path) -> None:

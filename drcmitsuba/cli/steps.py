@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from drcmitsuba.cli.evaluate import metrics_tables
 from drcmitsuba.cli.options import (
@@ -19,6 +19,9 @@ from drcmitsuba.cli.options import (
 )
 from drcmitsuba.cli.terminal import show, show_notes, stages
 from drcmitsuba.runtime.errors import InputError
+
+LARGEST_METRICS = 1 << 26
+"""Largest `metrics.json` that is read [bytes]."""
 
 
 def sky(case: CaseName, output: Output = Path("results"), weather: Weather = None) -> None:
@@ -86,8 +89,8 @@ def metrics(
     """Compute sDA, ASE, msDA, MSE and shade hours of an illuminance file.
 
     Options replace the thresholds of the file's case.
-    The intervals are wider than those of evaluate: the file holds the error of every illuminance,
-    but not the correlation of these errors.
+    The intervals are mostly wider than those of evaluate: the file holds the error of every
+    illuminance, but not the correlation of these errors.
     """
     from drcmitsuba.controls.space_lights import with_electric_light
     from drcmitsuba.metrics import evaluate_metrics, stored_arrays
@@ -111,6 +114,7 @@ def metrics(
     if settings := evaluate_metrics.settings_of(E.attrs, e, rules.metrics):
         numbers["settings"] = settings
     if output is not None:
+        numbers = _with_others(numbers, output / "metrics.json")
         storage.save_json(numbers, output / "metrics.json")
     show(*metrics_tables(numbers, str(e)))
     t = rules.metrics
@@ -118,6 +122,24 @@ def metrics(
         f"thresholds: sDA {t.sda_threshold:g} lx in {100 * t.sda_fraction:g} % of the hours, "
         f"ASE {t.ase_threshold:g} lx in {t.ase_hours:g} h"
     )
+
+
+def _with_others(numbers: dict[str, Any], file: Path) -> dict[str, Any]:
+    """Keep what an evaluation of the same case tells beside its thresholds, such as its notes."""
+    from drcmitsuba.runtime import storage
+
+    if not file.exists():
+        return numbers
+    old = storage.load_json(file, "metrics", LARGEST_METRICS, "name another folder")
+    settings = old.get("settings") if isinstance(old, dict) else None
+    new, own = numbers.get("settings", {}), {"metrics", "notes"}
+    if not isinstance(settings, dict) or any(
+        settings.get(key) != value for key, value in new.items() if key not in own
+    ):
+        return numbers
+    kept = {key: old[key] for key in ("melanopic", "undecided") if key in old}
+    notes = {"notes": settings["notes"]} if "notes" in settings else {}
+    return {**kept, **numbers, "settings": {**new, **notes}}
 
 
 def plot(

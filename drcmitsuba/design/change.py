@@ -86,6 +86,8 @@ class Change:
     façade as drawn holds its own [% or h]."""
     tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)
     """Tables of the changed façade by the names of their files: new windows of a model."""
+    notes: tuple[str, ...] = ()
+    """Notes on the bounds of the search."""
 
     @property
     def probability(self) -> float | None:
@@ -157,6 +159,7 @@ class Change:
                 f"cheapest change for {self.level}: none of the {self.tried} façades that were "
                 f"tried within the bounds of [design] reaches it",
                 f"  {some}nearest: {self._described()}: {self._quantities(self.changed)}",
+                *(f"  {note}" for note in self.notes),
             ]
         return [
             f"cheapest change for {self.level}: {self._described()}",

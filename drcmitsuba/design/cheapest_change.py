@@ -193,6 +193,7 @@ def _change(tried: _Tried, facades: Facades, now: Verdict, target: int) -> Chang
         composition=problem.details(candidate)["composition"],
         asked=problem.requirement.asked,
         tables=facades.layout.tables(candidate.share) if candidate.changed > 0 else {},
+        notes=facades.layout.notes,
     )
 
 

@@ -124,6 +124,18 @@ class Layout:
         )
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """Say where the band holds less than the largest share of windows that is asked for."""
+        asked = self.design.wwr
+        if asked == "fixed" or asked[1] <= self.wwr[1] + 1e-9:
+            return ()
+        low, high = self.band
+        return (
+            f"design.wwr: {asked[1]:g} is asked for at most, and the band from {low:g} to {high:g} "
+            f"m holds {self.wwr[1]:.3g}; a wider band holds more",
+        )
+
+    @property
     def heights(self) -> np.ndarray:
         """Edges of the rows, from the bottom up, shape (rows + 1,) [m]."""
         return np.linspace(*self.band, self.rows + 1)

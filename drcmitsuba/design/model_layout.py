@@ -182,6 +182,11 @@ class ModelLayout:
         return [problem.of_fractions({"film": film}) for film in films]
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """No note."""
+        return ()
+
+    @property
     def cuts_tiles(self) -> bool:
         """Whether mixed tiles are cut where an optimum is evaluated afresh; panes are not."""
         return self.openings.walls is not None

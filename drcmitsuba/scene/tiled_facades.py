@@ -144,8 +144,8 @@ class TiledFacades:
         for tile in tiles:
             names = [*dict.fromkeys((*tile.fills, *_of_groups(cases, tile)))]
             is_clear = any(shade_covers(material(name, tile.side)) for name in names)
-            grouped = any(case.groups for case in cases)
-            if shade is not None and is_clear and shade not in names[1:] and not grouped:
+            by_shade = any(not case.groups for case in cases)
+            if shade is not None and is_clear and shade not in names[1:] and by_shade:
                 names.append(shade)
             fills.append(tuple(names))
             kinds.append([material(name, tile.side) for name in names])

@@ -92,7 +92,8 @@ def test_csv_has_lights_and_glare(results):
 def test_glare_of_another_facade_is_left_out(copied):
     """As where the glass was changed and the glare was not computed again."""
     settings = json.loads((copied / "metrics.json").read_text())["settings"]
-    for change, kept in (({}, True), ({"seed": 7}, True), ({"materials": {}}, False)):
+    for change, kept in (({}, True), ({"seed": 7}, True), ({"materials": {}}, False),
+                         ({"period": {}}, False), ({"views": {"a": {}}}, True)):  # fmt: skip
         glare = GLARE | {"settings": settings | change}
         (copied / "glare.json").write_text(json.dumps(glare))
         shutil.copy(copied / "desk 03-21.png", copied / "glare_year.png")

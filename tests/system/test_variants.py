@@ -182,6 +182,23 @@ def test_bad_variants(run, tmp_path, names, more, said):
     assert not list((tmp_path / "all").rglob("*.json"))
 
 
+def test_a_shade_and_groups_that_lack_it_may_be_compared(run, tmp_path):
+    """The openings of one variant close by the shade, those of the other by a group, or never."""
+    shaded = ROOM.format(name="a", strips=CLEAR, more=EAST)
+    group = '[groups.east]\npanes = ["glass"]\nfacing = "east"\nstates = ["fabric"]\n'
+    grouped = shaded.replace('name = "a"', 'name = "b"') + group
+    for name, text in (("a", shaded), ("b", grouped)):
+        (tmp_path / f"{name}.toml").write_text(text.replace("[3, 12]", "[3]"))
+    code, _, err = run("evaluate", "a.toml", "--variants", "b", "-o", "both")
+    assert (code, err) == (0, "")
+    shares = [
+        json.loads((tmp_path / "both" / name / "metrics.json").read_text())["groups"]
+        for name in ("a", "b")
+    ]
+    assert set(shares[0]) == {"south", "east"}
+    assert set(shares[1]) == {"east"}
+
+
 @pytest.mark.parametrize("shade", ["shade", "fabric"])
 def test_season(run, tmp_path, shade):
     """Also where the shade is of a material that stands in the façade for good."""

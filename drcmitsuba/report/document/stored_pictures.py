@@ -33,9 +33,11 @@ LARGEST_FILE = 1 << 25
 """Largest file of a picture, or of glare, that is read [bytes]."""
 SEEN = (
     "room", "model", "facade", "materials", "components", "furniture", "shading", "groups",
-    "weather_source", "site", "sky", "outside",
+    "weather_source", "site", "sky", "outside", "period", "sun", "sensors", "spaces", "effects",
+    "colour",
 )  # fmt: skip
 """Tables of a case that glare depends on."""
+OTHER_GLARE = "glare.json is of another façade, room, sky, period or view, and left out"
 WIDTH = 720
 """Largest width and height of a picture in the page [pixel]."""
 MOST_PIXELS = 1 << 26
@@ -145,12 +147,19 @@ def stored_glare(
     try:
         glare = StoredGlare.model_validate(content)
         known = glare.settings
-        if known and any(known.get(table) != settings.get(table) for table in SEEN):
-            return None, ("glare.json is of another façade, room or sky, and left out",)
+        if known and not _is_of(known, settings):
+            return None, (OTHER_GLARE,)
         return glare, ()
     except ValidationError as error:
         got = str(error).splitlines()[0][:120]
         raise InputError(path, "glare", got, remedy) from None
+
+
+def _is_of(known: Mapping[str, Any], settings: Mapping[str, Any]) -> bool:
+    """Whether glare of some settings is that of a case; views around a place are in no case."""
+    views, own = (each.get("views") or {} for each in (known, settings))
+    same = all(views[name] == own[name] for name in views.keys() & own.keys())
+    return same and all(known.get(table) == settings.get(table) for table in SEEN)
 
 
 def glare_tables(glare: StoredGlare, name: str) -> list[PageTable]:

@@ -127,8 +127,8 @@ def metrics(facades: list[EvaluatedFacade], names: list[str]) -> PageTable:
     t = labels()
     of = ["sDA", "ASE"] + ["shade_closed"] * any(has_shade(f) for f in facades)
     rows = {t[name]: [interval(f.numbers[name]) for f in facades] for name in of}
-    thresholds = {float(f.illuminance.attrs.get("sda_threshold", 0)) for f in facades}
-    if len(thresholds) == 1 and 0 not in thresholds:  # standards have thresholds of their own
+    thresholds = {float(f.case.metrics.sda_threshold) for f in facades}
+    if len(thresholds) == 1:  # standards have thresholds of their own
         at = t["sDA_at"].format(threshold=f"{thresholds.pop():g}")
         rows = {at if name == t["sDA"] else name: row for name, row in rows.items()}
     return in_columns(t["metrics"], t["metric"], names, rows, t["metrics_note"])
