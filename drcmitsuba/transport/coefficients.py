@@ -377,14 +377,17 @@ def _of_block(
 
 
 def _photon_attributes(landed: list[Landed]) -> dict[str, Any]:
-    """Attributes of C: `photons`, the ledgers as JSON, and `photons_smear`, relative to C."""
+    """Attributes of C: `photons`, the ledgers as JSON, and `photons_smear`, relative to C: the
+    larger one of the sky's light and the suns'.
+    """
     ledgers = {
         name: asdict(reduce(FluxLedger.plus, (one.ledgers[name] for one in landed)))
         for name in landed[0].ledgers
     }
     smear = np.stack([one.smear for one in landed])
     # The scatter of the replicates adds its variance to the square.
-    square = (smear.mean(axis=0) ** 2 - smear.var(axis=0, ddof=1) / len(smear)).mean()
-    whole = np.mean([one.sensors().sun.numpy().sum(axis=1) for one in landed])
-    smeared = float(np.sqrt(max(square, 0)) / whole) if whole else 0.0
-    return {"photons": json.dumps(ledgers), "photons_smear": smeared}
+    square = (smear.mean(axis=0) ** 2 - smear.var(axis=0, ddof=1) / len(smear)).mean(axis=1)
+    each = [[light.numpy().sum(axis=1) for light in one.sensors()] for one in landed]
+    whole = np.mean(each, axis=(0, 2))
+    smeared = np.sqrt(np.maximum(square, 0)) / np.where(whole > 0, whole, np.inf)
+    return {"photons": json.dumps(ledgers), "photons_smear": float(smeared.max())}

@@ -210,14 +210,17 @@ class Landed:
 
     @property
     def smear(self) -> np.ndarray:
-        """Error of D of the sensors by the size of the squares, summed over all suns, (sensor,).
+        """Error of D of the sensors by the size of the squares, (2, sensor) [sr].
 
-        Where D is smooth the error of a square of edge h is c·h²: D of the whole square exceeds D
-        of its inner quarter by ¾ c·h².
+        It is summed over ground and sky patches, and over all suns. Where D is smooth the error of
+        a square of edge h is c·h²: D of the whole square exceeds D of its inner quarter by ¾ c·h².
         """
-        suns = self.lights[1]
-        whole, inner = (dense(part).numpy().sum(axis=1) for part in (suns.sensors, suns.inner))
-        return np.asarray(4 / 3 * (whole - inner))
+        return np.array(
+            [
+                4 / 3 * (dense(light.sensors).numpy() - dense(light.inner).numpy()).sum(axis=1)
+                for light in self.lights
+            ]
+        )
 
     def on(self, key: mi.UInt32) -> Irradiance:
         """D of the cells with the given keys, each once; 0 where no photon can land."""

@@ -463,7 +463,7 @@ def test_photons_without_sensors_light_cells():
     landed, by_sun, _ = traced([part, FLOOR], ports, sensors=np.zeros((0, 3)), count=1 << 10)
     assert by_sun.sum() > 0
     assert landed.sensors().sun.shape == (0, 1)
-    assert landed.smear.shape == (0,)
+    assert landed.smear.shape == (2, 0)
 
 
 def test_what_mirrors_send_to_a_diffusing_pane_counts_there(monkeypatch):
