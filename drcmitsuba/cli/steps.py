@@ -133,11 +133,12 @@ def _with_others(numbers: dict[str, Any], file: Path) -> dict[str, Any]:
     old = storage.load_json(file, "metrics", LARGEST_METRICS, "name another folder")
     settings = old.get("settings") if isinstance(old, dict) else None
     new, own = numbers.get("settings", {}), {"metrics", "notes"}
-    if not isinstance(settings, dict) or any(
-        settings.get(key) != value for key, value in new.items() if key not in own
-    ):
+    if not new or not isinstance(settings, dict):
         return numbers
-    kept = {key: old[key] for key in ("melanopic", "undecided") if key in old}
+    if any(settings.get(key) != value for key, value in new.items() if key not in own):
+        return numbers
+    same = settings.get("metrics") == new["metrics"]
+    kept = {key: old[key] for key in ("melanopic", *["undecided"] * same) if key in old}
     notes = {"notes": settings["notes"]} if "notes" in settings else {}
     return {**kept, **numbers, "settings": {**new, **notes}}
 

@@ -84,7 +84,8 @@ def most_reflecting(
     for name in used(case):
         material = case.materials.get(name)
         if isinstance(material, GlazingMaterial | DiffuserMaterial) and not beyond:
-            reflectances.append((material.reflectance, name))
+            sides = material.sides if isinstance(material, DiffuserMaterial) else ()
+            reflectances.append((max((material.reflectance, *sides)), name))
         elif material is not None:
             reflectances.append((albedo(material), name))
     reflectances += [(mean_albedo(s.material), c.name) for c in components for s in c.surfaces]

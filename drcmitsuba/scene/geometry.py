@@ -27,8 +27,8 @@ UP = np.array([0.0, 0.0, 1.0])
 SIDES: tuple[Side, ...] = ("south", "east", "north", "west")
 UPRIGHT = 1e-3
 """Largest vertical part of an upright surface's normal [–]."""
-STEP = 0.1
-"""Step of the angles by which walls are counted [deg]."""
+STEP = 0.02
+"""Step of the angles by which walls are counted [deg]: cells end at those within three of them."""
 STRAIGHT = 0.01
 """Angle within which walls stand along an axis [deg]."""
 

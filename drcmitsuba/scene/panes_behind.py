@@ -23,8 +23,10 @@ from drcmitsuba.model.materials import (
 from drcmitsuba.model.model import Layer, ModelShape, areas
 from drcmitsuba.model.notes import Notes
 from drcmitsuba.scene.geometry import normals, points_on
+from drcmitsuba.scene.like_panes import NO_GROUP
 from drcmitsuba.scene.meshes import quad_mesh
 from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
+from drcmitsuba.scene.prepared_case import prepared
 
 DOUBLED = (
     "model: panes lie close behind one another, and light passes both; draw glass as one sheet"
@@ -52,17 +54,30 @@ def doubled_notes(case: Case) -> list[str]:
 
 def mirroring_before(case: Case) -> list[str]:
     """Names of glass that mirrors, and stands before or behind a pane that reflects diffusely."""
-    panes = [layer for layer in case.building.layers if layer.role == "pane"]
-    kinds = [case.materials.get(layer.name, layer.material) for layer in panes]
-    matt = [layer for layer, m in zip(panes, kinds, strict=True) if _is_matt(m)]
+    panes = [
+        (layer, _kinds(case, i))
+        for i, layer in enumerate(case.building.layers)
+        if layer.role == "pane" and len(layer.quads)
+    ]
+    matt = [layer for layer, kinds in panes if any(map(_is_matt, kinds))]
     if not matt:
         return []
     names = []
-    for layer, material in zip(panes, kinds, strict=True):
-        mirrors = isinstance(material, GlazingMaterial) and material.reflectance > 0
+    for layer, kinds in panes:
+        mirrors = any(isinstance(m, GlazingMaterial) and m.reflectance > 0 for m in kinds)
         if mirrors and np.isfinite(_distance(matt, [layer], CAVITY)).any():
             names.append(layer.name)
     return names
+
+
+def _kinds(case: Case, layer: int) -> list[SurfaceMaterial | None]:
+    """Materials that a layer of panes has in any state of its groups."""
+    groups, own = prepared(case).groups, case.building.layers[layer]
+    kinds = [case.materials.get(own.name, own.material), *(s.material for s in own.states)]
+    for group in np.unique(groups.of_quads[layer]).tolist():
+        if group != NO_GROUP and groups.materials:
+            kinds += groups.materials[group]
+    return kinds
 
 
 def _is_matt(material: SurfaceMaterial | None) -> bool:
@@ -77,7 +92,7 @@ def _doubled(shape: ModelShape, variant: str) -> tuple[tuple[str, float], ...]:
     """Names of layers of panes with another pane close behind, and the median distance [m]."""
     out = []
     for layer in shape.model.layers:
-        if layer.role == "pane":
+        if layer.role == "pane" and len(layer.quads):
             behind, area = _distance([layer], [layer], THICKEST), areas(layer.quads)
             close = np.isfinite(behind)
             if area[close].sum() > SHARE * area.sum():

@@ -10,6 +10,9 @@ import shapely
 
 from drcmitsuba.model.plane import Plane, Rings
 from drcmitsuba.model.polygon import NoAreaError, quads_of
+from drcmitsuba.runtime import lazy
+
+sparse, csgraph = lazy.module("scipy.sparse"), lazy.module("scipy.sparse.csgraph")
 
 PARALLEL = 0.9
 """Cosine of the angle between faces of one pane, at least [–]."""
@@ -19,6 +22,8 @@ LEAST = 1e-3
 """Area of the smallest pane [m²]."""
 APART = 0.25
 """Distance between parallel faces from which on they are of two panes [m]."""
+WELD = 1e-4
+"""Distance within which corners are one [m]."""
 SEAM = 2e-3
 """Width of seams within a pane that are closed [m]."""
 
@@ -40,8 +45,8 @@ def sheets_of(triangles: np.ndarray) -> np.ndarray:
     """
     out = [np.empty((0, 4, 3))]
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]) / 2
-    area = np.linalg.norm(normal, axis=1)
-    triangles, normal, area = (a[area > 0] for a in (triangles, normal, area))
+    area, body = np.linalg.norm(normal, axis=1), _bodies(triangles)
+    triangles, normal, area, body = (a[area > 0] for a in (triangles, normal, area, body))
     first = 0.0
     while len(area):
         axis = normal[np.argmax(area)] / area.max()
@@ -50,19 +55,38 @@ def sheets_of(triangles: np.ndarray) -> np.ndarray:
         first = first or size
         if size < LEAST_SHARE * first:
             break
-        for each in _apart(triangles[mine] @ axis):
+        for each in _apart(triangles[mine] @ axis, body[mine]):
             out += _sheet(triangles[mine][each], area[mine][each])
-        triangles, normal, area = (a[~mine] for a in (triangles, normal, area))
+        triangles, normal, area, body = (a[~mine] for a in (triangles, normal, area, body))
     return np.concatenate(out)
 
 
-def _apart(reach: np.ndarray) -> list[np.ndarray]:
-    """Indices of triangles of each pane, by how far their corners (triangle, 3) reach [m]."""
+def _bodies(triangles: np.ndarray) -> np.ndarray:
+    """Number (triangle,) of the body that triangles with common corners make up."""
+    _, corner = np.unique(np.round(triangles.reshape(-1, 3) / WELD), axis=0, return_inverse=True)
+    return _joined(np.repeat(np.arange(len(triangles)), 3), corner.ravel())
+
+
+def _joined(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Number of the group of each first thing, of which some share a second one; pairs (pair,)."""
+    count = int(first.max(initial=-1)) + 1
+    size = count + int(second.max(initial=-1)) + 1
+    pairs = sparse.coo_matrix((np.ones(len(first)), (first, count + second)), (size, size))
+    return np.asarray(csgraph.connected_components(pairs, directed=False)[1][:count])
+
+
+def _apart(reach: np.ndarray, body: np.ndarray) -> list[np.ndarray]:
+    """Indices of triangles of each pane, by how far their corners (triangle, 3) reach [m].
+
+    Faces of one body are of one pane, however thick it is.
+    """
     low = reach.min(axis=1)
     order = low.argsort()
     so_far = np.maximum.accumulate(reach.max(axis=1)[order])
-    begins = np.flatnonzero(low[order][1:] > so_far[:-1] + APART) + 1
-    return np.split(order, begins)
+    place = np.empty(len(order), int)
+    place[order] = np.cumsum(np.r_[0, low[order][1:] > so_far[:-1] + APART])
+    pane = _joined(place, body)[place]
+    return [np.flatnonzero(pane == number) for number in np.unique(pane)]
 
 
 def _sheet(triangles: np.ndarray, area: np.ndarray) -> list[np.ndarray]:

@@ -162,8 +162,8 @@ def _degrees(parts: tuple[int, ...]) -> float:
 def _north(source: Any, notes: Notes) -> float:
     """Direction of true north, clockwise from the y axis [deg].
 
-    The axes of a map take precedence over a stated true north, as IFC 4 has it, where both differ
-    by more than the grid of a map does from true north.
+    The axes of a map that are turned take precedence over a stated true north, as IFC 4 has it,
+    where both differ by more than the grid of a map does from true north.
     """
     stated = on_map = None
     for context in source.by_type("IfcGeometricRepresentationContext", include_subtypes=False):
@@ -176,6 +176,9 @@ def _north(source: Any, notes: Notes) -> float:
     if on_map is None or stated is None:
         return on_map or stated or 0.0
     if abs((on_map - stated + 180) % 360 - 180) <= CONVERGENCE:
+        return stated
+    if on_map == 0:  # many programs write the axes of a map without turning them
+        notes.add(f"True north is stated at {stated:.1f}°, the axes of the map are not turned")
         return stated
     notes.add(f"North is that of the map, at {on_map:.1f}°; true north is stated at {stated:.1f}°")
     return on_map

@@ -134,7 +134,10 @@ def _pane(finish: Finish) -> SurfaceMaterial:
 def _patterned(finish: Finish, transmissivity: np.ndarray, index: float) -> SurfaceMaterial:
     """`glass` under a pattern, which multiplies what it lets through and not what it mirrors."""
     tau, rho = glass.pane(transmissivity, index, np.cos(glazing.INCIDENCE))
-    through = finish.share(tau * finish.factor, "a transmittance of")
+    through = tau * finish.factor
+    if not (through + rho <= 1 + 1e-9).all() or not (through >= 0).all():
+        got = f"a pattern under which it transmits {' '.join(f'{v:.3g}' for v in through[0])}"
+        raise finish.primitive.error(got, "keep it and what it mirrors within 0 and 1")
     radiance_materials.grey(through[0], finish.note)
     return glazing.noted_fit(luminance(through), float(luminance(rho[0])), finish.note)
 

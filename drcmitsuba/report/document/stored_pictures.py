@@ -73,7 +73,7 @@ def pictures(folder: Path, most: int, *, glare: bool = True) -> list[PagePicture
 
 def older_pictures(folder: Path) -> tuple[str, ...]:
     """Note pictures that are older than the evaluation of their folder."""
-    evaluated = (folder / "metrics.json").stat().st_mtime
+    evaluated = min((folder / n).stat().st_mtime for n in ("metrics.json", "illuminance.nc"))
     names = [p.name for p in _others(folder) if p.stat().st_mtime < evaluated - AT_ONCE]
     named = ", ".join(text(name) for name in names[:MOST_PICTURES])
     return (f"older than the evaluation, maybe of another façade: {named}",) if names else ()

@@ -10,6 +10,7 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.model.materials import DielectricMaterial, Lambertian
+from drcmitsuba.model.model import count_planes
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import shortened
 from drcmitsuba.scene.components.placed_component import PlacedComponent, ray_offset
@@ -41,16 +42,18 @@ def of_model(case: Case) -> tuple[PlacedComponent, ...]:
 
 
 def _refuse_open(source: str, name: str, quads: np.ndarray) -> None:
-    """Refuse clear solids that are no bodies, or whose faces look inward."""
+    """Refuse clear solids that are flat, or closed and look inward.
+
+    Faces of other materials may close a body that is open by itself.
+    """
     u, v = quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1]
     area = np.cross(u, v) / 2
     got, remedy = "", ""
-    if np.linalg.norm(area.sum(axis=0)) > OPEN * np.linalg.norm(area, axis=1).sum():
-        got, remedy = (
-            "an open sheet of a clear solid",
-            "close its surface, or take glass for a pane",
-        )
-    elif (area * (quads.mean(axis=1) - quads.mean(axis=(0, 1)))).sum() < 0:
+    is_open = np.linalg.norm(area.sum(axis=0)) > OPEN * np.linalg.norm(area, axis=1).sum()
+    if is_open and count_planes(quads) == 1:
+        got = "a flat sheet of a clear solid"
+        remedy = "close its surface, or take glass for a pane"
+    elif not is_open and (area * (quads.mean(axis=1) - quads.mean(axis=(0, 1)))).sum() < 0:
         got, remedy = "a clear solid whose faces look inward", "turn its polygons"
     if got:
         raise InputError(source, f"model: {shortened(name)}", got, remedy)

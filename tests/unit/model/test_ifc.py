@@ -66,6 +66,17 @@ def test_panes_of_one_element_in_two_walls_are_two_sheets(tmp_path):
     assert size.sum() == pytest.approx(4 + 1.8 * 0.8, rel=1e-3)
 
 
+@pytest.mark.parametrize("thickness", [0.1, 0.4])
+def test_a_window_that_is_one_body_is_one_sheet_however_thick(tmp_path, thickness):
+    made = building.house()
+    made.add("IfcWindow", "plain", building.box((5, -thickness, 1), (6, 0, 2)))
+    model = ifc.read(made.written(tmp_path))
+    quads = np.concatenate([layer.quads for layer in model.layers if layer.role == "pane"])
+    mine = quads[(quads[..., 0] > 4.9).all(axis=1) & (np.ptp(quads[..., 1], axis=1) < 1e-6)]
+    assert areas(mine).sum() == pytest.approx(1, rel=1e-3)
+    np.testing.assert_allclose(mine[..., 1], -thickness / 2, atol=1e-6)
+
+
 def test_a_window_without_glass_is_glass_as_a_whole(tmp_path):
     made = building.house()
     made.add("IfcWindow", "plain", building.box((5, -0.15, 1), (6, -0.05, 2)))
@@ -85,20 +96,24 @@ def test_place_and_north_are_read(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("stated", "north", "told"), [(None, 90, False), (92, 92, False), (0, 90, True)]
+    ("stated", "turned", "north", "told"),
+    [(None, 90, 90, ""), (92, 90, 92, ""), (0, 90, 90, "that of the map"), (40, 0, 40, "turned")],
 )
-def test_the_axes_of_a_map_take_precedence(tmp_path, stated, north, told):
-    """True north within a map's convergence is more exact than its grid."""
+def test_the_axes_of_a_map_take_precedence(tmp_path, stated, turned, north, told):
+    """True north within a map's convergence is more exact, and axes may be left as they are."""
     made = building.house()
     if stated is not None:
-        turned = np.sin(np.radians(stated)), np.cos(np.radians(stated))
-        made.whole.TrueNorth = made.model.createIfcDirection([*map(float, turned)])
+        up = np.sin(np.radians(stated)), np.cos(np.radians(stated))
+        made.whole.TrueNorth = made.model.createIfcDirection([*map(float, up)])
     grid = made.model.createIfcProjectedCRS("EPSG:2056")
     place = 2.6e6, 1.2e6, 0.0
-    made.model.createIfcMapConversion(made.whole, grid, *place, 0.0, 1.0, 1.0)
+    axis = [float(np.round(f(np.radians(turned)), 9)) for f in (np.cos, np.sin)]
+    made.model.createIfcMapConversion(made.whole, grid, *place, *axis, 1.0)
     model = ifc.read(made.written(tmp_path))
     assert model.north == pytest.approx(north)
-    assert any("North is that of the map" in note for note in model.notes) == told
+    notes = [note for note in model.notes if "orth is" in note]
+    assert len(notes) == bool(told)
+    assert all(told in note for note in notes)
 
 
 def test_a_file_without_spaces_says_so(tmp_path):

@@ -303,6 +303,8 @@ def test_a_pattern_on_glass_multiplies_what_it_lets_through(pattern, tmp_path):
             "void plastic m 0 0 5 .5 .5 .5 0 0\n" + 20 * "void mixfunc m 4 m m .5 . 0 0\n",
             "mixfunc 'm': mixtures of 21 modifiers within each other",
         ),
+        ("void brightfunc b 2 1.2 . 0 0\nb glass m 0 0 3 .96 .96 .96", "a pattern under which it"),
+        ("void brightfunc b 2 1.06 . 0 0\nb glass m 0 0 3 .96 .96 .96", "a pattern under which it"),
         ("void brightfunc b 2 .5 . 0 0\nb BSDF m 6 0 a.xml 0 0 1 . 0 0", "a pattern other than 1"),
         ("void plastic a 0 0 5 0 0 0 0 0\na plastic m 0 0 5 0 0 0 0 0", "modified by 'a'"),
         ("void alias m nothing", "'nothing' is not defined"),

@@ -18,7 +18,7 @@ from drcmitsuba.plan import panes
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.components import place
-from drcmitsuba.scene.geometry import box, near_bounds, quad
+from drcmitsuba.scene.geometry import box, heading, near_bounds, quad, turn
 from drcmitsuba.scene.leaks import refuse_leaks
 from drcmitsuba.scene.meshes import paired_mesh, quad_mesh
 from drcmitsuba.scene.panes_behind import doubled_notes, mirroring_before
@@ -188,7 +188,7 @@ def test_suns_before_a_pane_get_in_and_a_tower_hides_the_low_ones():
     [
         (np.array(box(np.array([1, 1, 1.0]), np.ones(3))), ""),
         (np.array(box(np.array([1, 1, 1.0]), np.ones(3)))[:, ::-1], "faces look inward; turn"),
-        (SOUTH[None], '"prism": an open sheet of a clear solid; close its surface'),
+        (SOUTH[None], '"prism": a flat sheet of a clear solid; close its surface'),
     ],
 )
 def test_clear_solids_are_closed_and_face_outward(faces, complaint):
@@ -222,6 +222,26 @@ def test_panes_that_scatter_before_glass_that_mirrors_are_known(material, gap, n
     opal = DiffuserMaterial(type="diffuser", **material)
     case = box_room(layer("opal", opal, SOUTH + [0, gap, 0]))
     assert mirroring_before(case) == names
+
+
+def test_a_shade_that_scatters_behind_glass_that_mirrors_is_known():
+    opal = {"type": "diffuser", "transmittance": 0.1, "reflectance": 0.5}
+    outer = layer("outer", GLASS, SOUTH - [0, 0.2, 0])
+    groups = {"blinds": {"panes": ["glass"], "states": ["opal"]}}
+    closing = box_room(outer, materials={"opal": opal}, groups=groups)
+    assert "outer" in mirroring_before(closing)
+    assert mirroring_before(box_room(outer)) == []
+
+
+@pytest.mark.parametrize("off", [0.2, 20])
+def test_cells_lie_along_the_heaviest_of_walls_that_are_nearly_parallel(off):
+    """Walls of which some are drawn inexactly, and a screen that is askew to the others."""
+    turned = turn(off).T
+    wall = np.array([[1, 1, 0], [1, 4, 0], [1, 4, 3], [1, 1, 3]]) @ turned
+    walls = [layer(f"askew {i}", Lambertian(0.5), wall + [0.1 * i, 0, 0]) for i in range(2)]
+    assert heading(box_room(*walls)) == pytest.approx(0.0, abs=1e-6)
+    walls = [layer(f"askew {i}", Lambertian(0.5), wall + [0.1 * i, 0, 0]) for i in range(9)]
+    assert heading(box_room(*walls)) == pytest.approx(off, abs=1e-3)
 
 
 def test_context_is_no_part_of_the_room():
