@@ -136,7 +136,7 @@ def test_radiance_takes_the_value_at_the_centre_of_an_interval(tmp_path):
     (tmp_path / "plate.oct").write_bytes(radiance.run(["oconv", "plate.rad"], tmp_path))
     command = [
         "rcontrib", "-h", "-faf", "-I+", "-cs", str(COUNT), "-cw", f"{HIGH:g}", f"{LOW:g}",
-        "-ab", "2", "-ad", "4096", "-lw", "1e-6", "-m", "skyglow", "plate.oct",
+        "-ab", "2", "-ad", "65536", "-lw", "1e-6", "-m", "skyglow", "plate.oct",
     ]  # fmt: skip
     values = np.frombuffer(radiance.run(command, tmp_path, b"0 0 1 0 0 -1\n"), np.float32)
     theirs, expected = values.reshape(-1, COUNT)[0] / np.pi, line("floor", CENTRES)
