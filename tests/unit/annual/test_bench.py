@@ -57,7 +57,7 @@ def test_without_radiance_ours_is_measured_and_the_remedy_told(monkeypatch):
 def test_beside_radiance(monkeypatch):
     skips.RADIANCE.skip_if_so()
     monkeypatch.setattr(module, "SKY_OPTIONS", "-ab 4 -ad 64 -lw 1e-3")
-    monkeypatch.setattr(module, "SUN_OPTIONS", "-ab 3 -ad 16 -lw 1e-3 -dt 0 -dc 1")
+    monkeypatch.setattr(module, "SUN_OPTIONS", "-ab 3 -ad 128 -lw 1e-4 -dt 0 -dc 1")
     stages = []
     measured = bench(TINY, stage=lambda name: stages.append(name) or module.silent(name))
     assert stages == [
