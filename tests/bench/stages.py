@@ -139,9 +139,10 @@ def profile(case: Case) -> Spent:
 def bare(world: scene.Scene) -> float:
     """Seconds of `RAYS` closest hits, from points in the scene's box in all directions."""
     random = mi.PCG32(RAYS)
-    high = world.high if world.enclosure is None else world.enclosure.size
-    low = world.low if world.enclosure is None else 0 * world.low
-    low, high = (mi.Point3f(*map(float, corner)) for corner in (low, high))
+    ends = world.corners.min(axis=0), world.corners.max(axis=0)
+    if world.enclosure is not None:
+        ends = np.zeros(3), world.enclosure.size
+    low, high = (mi.Point3f(*map(float, corner)) for corner in ends)
     at = mi.Vector3f(*(random.next_float32() for _ in range(3)))
     p = low + (high - low) * at
     d = mi.warp.square_to_uniform_sphere(mi.Point2f(random.next_float32(), random.next_float32()))
