@@ -20,9 +20,6 @@ from drcmitsuba.cli.options import (
 from drcmitsuba.cli.terminal import show, show_notes, stages
 from drcmitsuba.runtime.errors import InputError
 
-LARGEST_METRICS = 1 << 26
-"""Largest `metrics.json` that is read [bytes]."""
-
 
 def sky(case: CaseName, output: Output = Path("results"), weather: Weather = None) -> None:
     """Compute the luminances L of sky and suns: sky.zarr."""
@@ -126,11 +123,12 @@ def metrics(
 
 def _with_others(numbers: dict[str, Any], file: Path) -> dict[str, Any]:
     """Keep what an evaluation of the same case tells beside its thresholds, such as its notes."""
+    from drcmitsuba.report.metrics_file import MAX_BYTES
     from drcmitsuba.runtime import storage
 
     if not file.exists():
         return numbers
-    old = storage.load_json(file, "metrics", LARGEST_METRICS, "name another folder")
+    old = storage.load_json(file, "metrics", MAX_BYTES, "name another folder")
     settings = old.get("settings") if isinstance(old, dict) else None
     new, own = numbers.get("settings", {}), {"metrics", "notes"}
     if not new or not isinstance(settings, dict):

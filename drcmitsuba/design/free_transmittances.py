@@ -86,8 +86,7 @@ def _transmittance(case: Case, field: str, name: str, most: float) -> float:
             got = f"{shortened(name)}: light goes straight through it, too"
             raise InputError(case.source, field, got, "leave out straight, or evaluate each fabric")
     try:
-        sides = getattr(material, "sides", (material.reflectance,))
-        check_energy(most, max(sides), exponent)
+        check_energy(most, max(material.sides), exponent)
     except InputError as error:
         got = f"up to {most:g}: {error.got}"
         raise InputError(case.source, field, got, "lower its end") from None

@@ -91,6 +91,11 @@ class GlazingMaterial(Table):
                 raise InputError("material", name, got, "give one of them")
         return {**table, "reflectance": rho}
 
+    @property
+    def sides(self) -> tuple[float, float]:
+        """Reflectances of the room's side and of the other one, at normal incidence [–]."""
+        return self.reflectance, self.reflectance if self.ior is not None else 0.0
+
     @model_validator(mode="after")
     def _energy(self) -> GlazingMaterial:
         if self.ior is None:

@@ -10,6 +10,8 @@ from typing import IO
 
 from drcmitsuba.runtime.errors import InputError
 
+FARTHEST = 1e10
+"""Largest coordinate, in the units of a file."""
 LARGEST = 2 * 10**9
 """Largest file that is read [B]."""
 

@@ -84,8 +84,7 @@ def most_reflecting(
     for name in used(case):
         material = case.materials.get(name)
         if isinstance(material, GlazingMaterial | DiffuserMaterial) and not beyond:
-            sides = material.sides if isinstance(material, DiffuserMaterial) else ()
-            reflectances.append((max((material.reflectance, *sides)), name))
+            reflectances.append((max(material.sides), name))
         elif material is not None:
             reflectances.append((albedo(material), name))
     reflectances += [(mean_albedo(s.material), c.name) for c in components for s in c.surfaces]

@@ -105,9 +105,7 @@ def is_diffuse(material: SurfaceMaterial) -> bool:
 
 def ends_paths(material: SurfaceMaterial) -> bool:
     """Whether a pane reflects nothing into a room."""
-    if isinstance(material, GlazingMaterial):
-        return material.ior is None and material.reflectance == 0
-    return isinstance(material, DiffuserMaterial) and not any(material.sides)
+    return isinstance(material, GlazingMaterial | DiffuserMaterial) and not any(material.sides)
 
 
 def channel_of(reflectance: Reflectance, channel: int) -> float:

@@ -12,15 +12,13 @@ import numpy as np
 from defusedxml import ElementTree
 from defusedxml.common import DefusedXmlException
 
-from drcmitsuba.model.source_file import opened, read_bytes
+from drcmitsuba.model.source_file import FARTHEST, opened, read_bytes
 from drcmitsuba.runtime.errors import InputError, printable
 
 LARGEST = 10**8
 """Largest file that is read [B]: its elements take some fifteen times as much memory."""
 HEAD = 4096
 """Length of a file's beginning that tells its kind [B]."""
-FARTHEST = 1e10
-"""Largest number, in the units of the file."""
 
 
 class GbxmlEntry(NamedTuple):

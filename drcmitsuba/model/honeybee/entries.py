@@ -10,13 +10,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from drcmitsuba.model.source_file import LARGEST, opened, size_of
+from drcmitsuba.model.source_file import FARTHEST, LARGEST, opened, size_of
 from drcmitsuba.runtime.errors import InputError
 
 MOST_MEMORY = 2**30
 """Largest estimate of the memory that a file's values take [B]."""
-FARTHEST = 1e10
-"""Largest coordinate, in the units of the file."""
 MEMORY = {b"{": 232, b"[": 96, b",": 32, b'"': 25}
 """Memory that Python takes for what a character begins or ends [B]."""
 

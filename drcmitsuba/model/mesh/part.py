@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from drcmitsuba.model.materials import Reflectance
+from drcmitsuba.model.source_file import FARTHEST
 from drcmitsuba.runtime.errors import InputError
 
 MOST = {"polygons": 2_000_000, "vertices": 6_000_000, "parts": 50_000}
@@ -17,8 +18,6 @@ LARGEST = 512 * 2**20
 """Largest binary file that is read [B]."""
 MOST_CORNERS = 1000
 """Largest number of corners of a polygon."""
-FARTHEST = 1e10
-"""Largest coordinate, in the units of the file."""
 
 
 @dataclass(frozen=True)

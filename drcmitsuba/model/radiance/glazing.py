@@ -150,10 +150,9 @@ def from_functions(definition: Definition, note: Note) -> GlazingMaterial | Diff
     if abs(front - back) > SIDES:
         note(f"{ONE_SIDE}, {front:.2f}, and not that of their back, {back:.2f}")
     rest = max(0.0, 1 - through - float(straight.max()))  # beside the peak of what goes straight
-    sides = (min(side + mean_of(mirrored), rest) for side in (front, back))
+    inner, outer = (min(side + mean_of(mirrored), rest) for side in (front, back))
     return DiffuserMaterial(
-        type="diffuser", transmittance=through,
-        **dict(zip(("reflectance", "outer_reflectance"), sides, strict=True)),
+        type="diffuser", transmittance=through, reflectance=inner, outer_reflectance=outer,
         straight=tuple(straight.tolist()) if straight.max() > 0 else 0.0,
     )  # fmt: skip
 

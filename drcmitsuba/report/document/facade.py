@@ -64,12 +64,6 @@ class EvaluatedFacade:
     """Glare of views, by state of the façade."""
 
     @property
-    def lacks_glare(self) -> bool:
-        """Whether glare lies in its folder that is of another façade."""
-        known = self.folder is not None and (self.folder / "glare.json").exists()
-        return known and self.glare is None
-
-    @property
     def settings(self) -> dict[str, Any]:
         """Origin of the result: its case, weather, notes."""
         return dict(self.numbers["settings"])

@@ -25,7 +25,12 @@ from drcmitsuba.report.document.hours import Hours
 from drcmitsuba.report.document.labels import labels
 from drcmitsuba.report.document.light_of_sensors import PackedLight, shares
 from drcmitsuba.report.document.plans import MOST_CORNERS, MOST_POINTS, plans, shown_points
-from drcmitsuba.report.document.stored_pictures import PagePicture, glare_tables, pictures
+from drcmitsuba.report.document.stored_pictures import (
+    OTHER_GLARE,
+    PagePicture,
+    glare_tables,
+    pictures,
+)
 from drcmitsuba.report.document.table import LINE, Number, PageTable, text
 from drcmitsuba.report.lights import of_period
 from drcmitsuba.runtime import storage
@@ -182,7 +187,7 @@ class Report:
         """Pictures of every façade that has some, by its name."""
         most = int(MOST_OF_PICTURES * LARGEST_PAGE) // len(self.facades)
         every = [
-            (name, pictures(f.folder, most, glare=not f.lacks_glare))
+            (name, pictures(f.folder, most, glare=OTHER_GLARE not in f.notes))
             for f, name in self._each
             if f.folder is not None
         ]

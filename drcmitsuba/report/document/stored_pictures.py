@@ -82,7 +82,8 @@ def older_pictures(folder: Path) -> tuple[str, ...]:
 def _others(folder: Path) -> list[Path]:
     """Pictures of a folder that an evaluation does not draw."""
     every = sorted(folder.glob("*.png"))
-    return [path for path in every if not any(fnmatch(path.name, own) for own in OWN)]
+    own = (any(fnmatch(path.name, pattern) for pattern in OWN) for path in every)
+    return [path for path, drawn in zip(every, own, strict=True) if not drawn and path.is_file()]
 
 
 def _small(path: Path) -> str | None:

@@ -33,8 +33,6 @@ FLAT = 1e-3
 """Largest slope of a plane that counts as facing an axis."""
 AT_BOUNDS = 0.05
 """Distance from the bounds of a room within which a plane is one of its walls [m]."""
-
-
 WALL = 0.25
 """Share of a room's section that a plane covers from which on no block of cells lies on both of
 its sides."""
