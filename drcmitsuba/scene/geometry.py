@@ -39,7 +39,8 @@ class Surface:
 
     A triangle repeats its last corner. `component` is the name of the surface's component, "" for
     the room, its panes and furniture. The backs of a `closed` body face its inside. `behind` names
-    the material on the back of a sheet, where it is another one.
+    the material on the back of a sheet, where it is another one. Panes `indoors` have rooms on both
+    sides.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Surface:
     component: str = ""
     closed: bool = False
     behind: str = ""
+    indoors: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:

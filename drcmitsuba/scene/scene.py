@@ -155,17 +155,17 @@ def build(
     Shadow rays that cannot leave the enclosure are spared; photons start at the ports; horizontal
     films are turned `clockwise` with the room [deg].
     """
-    groups: dict[tuple[str, SurfaceMaterial, bool], list[Surface]] = {}
+    groups: dict[tuple[str, SurfaceMaterial, bool, bool], list[Surface]] = {}
     for surface in surfaces:
-        key = (surface.component, surface.material, surface.closed)
+        key = (surface.component, surface.material, surface.closed, surface.indoors)
         groups.setdefault(key, []).append(surface)
     # One mesh for each material and component: many shapes slow tracing.
     parts: list[ScenePart] = []
     shapes = {}
-    for (component, m, closed), group in groups.items():
+    for (component, m, closed, indoors), group in groups.items():
         quads = np.concatenate([s.quads for s in group])
         bsdf = loaded(m, channel, clockwise)
-        part = ScenePart(group[0].name, m, quads, component, closed, bsdf=bsdf)
+        part = ScenePart(group[0].name, m, quads, component, closed, indoors=indoors, bsdf=bsdf)
         shapes[f"shape{len(parts)}"] = quad_mesh(part.name, quads, part.bsdf)
         parts.append(part)
     is_clear = [lets_through(part.material) for part in parts]

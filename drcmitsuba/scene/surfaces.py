@@ -164,7 +164,9 @@ def _model_surfaces(case: Case, front: PanesInState) -> list[Surface]:
     Mirrors and clear solids are components.
     """
     made, start, layers = [], origin(case), case.building.layers
-    for i, quads in enumerate(panes_of_model(case.building).quads):
+    panes = panes_of_model(case.building)
+    between = ~panes.outside
+    for i, quads in enumerate(panes.quads):
         layer = layers[i]
         if layer.deviates:  # a component
             continue
@@ -173,12 +175,15 @@ def _model_surfaces(case: Case, front: PanesInState) -> list[Surface]:
         if front.index_of(layer.stands_in) != 0:
             continue
         groups = front.groups.of_quads[i]
-        for group in np.unique(groups):
+        indoors = np.isin(layer.polygon, panes.polygon[between & (panes.layer == i)])
+        for group, within in sorted({*zip(groups.tolist(), indoors.tolist(), strict=True)}):
             is_grouped = group != NO_GROUP
             material = front.layer(layer, group) if is_grouped else front.rest(layer)
             if material is not None:
-                mine = quads[groups == group] - start
-                made.append(Surface(layer.name, material, mine, behind=layer.behind))
+                mine = quads[(groups == group) & (indoors == within)] - start
+                made.append(
+                    Surface(layer.name, material, mine, behind=layer.behind, indoors=within)
+                )
     for layer in layers:
         index = front.index_of(layer.group)
         if index > 0 and front.follows_model(layer.group):

@@ -85,9 +85,14 @@ class Deposit:
         cls, scene: Scene, suns: np.ndarray, diameter: float, subdivision: int | None,
         accuracy: Accuracy,
     ) -> Deposit:  # fmt: skip
-        """Deposit in a scene, whose panes are cut into patches of two cells' width."""
-        size, panes = 2 * accuracy.cell_size, [panes.quads for panes in scene.scattering]
-        patches = PanePatches.of(panes, size) if panes else None
+        """Deposit in a scene, whose panes are cut into patches of two cells' width.
+
+        Light on panes that stand indoors differs from place to place as that on walls does: their
+        patches have the width of a cell.
+        """
+        panes, size = scene.scattering, 2 * accuracy.cell_size
+        sizes = [size / (1 + pane.indoors) for pane in panes]
+        patches = PanePatches.of([pane.quads for pane in panes], sizes) if panes else None
         films = Films.of(scene, size, suns, diameter)
         return cls(scene, suns, diameter, subdivision, accuracy, patches, films)
 

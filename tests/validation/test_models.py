@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from drcmitsuba.annual.simulation import transport
+from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.reading import load_case
 from drcmitsuba.case.shipped import shipped_folder
@@ -29,6 +30,7 @@ from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import coefficients
+from drcmitsuba.transport.deposit import Deposit
 from tests.model_rooms import case_of, l_room, layer, prism
 
 DIAMETER = 20.0
@@ -111,6 +113,39 @@ def test_sloped_and_triangular_panes_that_scatter(pane, same, plain_coefficients
     # Light from film to film is followed by photons; diffusing panes exchange light among them.
     is_film = isinstance(pane, BsdfMaterial)
     agree(attic(pane), same, plain_coefficients, pane_to_pane=is_film, within=0.025)
+
+
+def partitioned(**tables):
+    """Room with a window to the south, and a white partition that lets light through before it."""
+    floor, ceiling, walls = prism([(0, 0), (4, 0), (4, 5), (0, 5)], 3.0)
+    window = np.array([[0.5, 0, 0.9], [3.5, 0, 0.9], [3.5, 0, 2.7], [0.5, 0, 2.7]])
+    white = DiffuserMaterial(
+        type="diffuser", transmittance=0.4, reflectance=0.4, outer_reflectance=0.4
+    )
+    return case_of(
+        layer("floor", Lambertian(0.3), floor),
+        layer("ceiling", Lambertian(0.8), ceiling),
+        layer("facade", Lambertian(0.5), walls[0], holes=[window]),
+        layer("walls", Lambertian(0.5), *walls[1:]),
+        layer("glass", GlazingMaterial(type="glazing", transmittance=0.7), window),
+        layer("partition", white, [(0, 2, 0), (0, 2, 3), (4, 2, 3), (4, 2, 0)]),
+        **tables,
+    )
+
+
+@pytest.mark.slow
+def test_behind_a_partition_that_scatters(same, plain_coefficients):
+    points = [[x, 2.0 + d, z] for d in (0.25, 0.5) for x in (0.5, 2.0) for z in (0.5, 1.5)]
+    accuracy = {**ACCURACY, "cell_size": 0.45, "replicates": 16}
+    case = partitioned(sensors={"points": points}, accuracy=accuracy)
+    agree(case, same, plain_coefficients, pane_to_pane=False, within=0.03)
+
+
+def test_panes_within_rooms_are_cut_as_their_walls_are():
+    world = scene.load(partitioned(sensors={"floors": ["floor"], "spacing": 1.0}))
+    patches = Deposit.of(world, SUNS, DIAMETER, 1, Accuracy(cell_size=0.5)).patches
+    assert len(patches) == 8 * 6
+    assert [part.name for part in world.parts if part.indoors] == ["partition"]
 
 
 BOXES = {

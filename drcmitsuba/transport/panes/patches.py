@@ -38,8 +38,8 @@ class PanePatches:
     """Whether the patch is the triangle between its corner and the ends of the edges."""
 
     @classmethod
-    def of(cls, groups: Sequence[np.ndarray], size: float) -> PanePatches:
-        """Cut groups of panes, (pane, 4, 3) each, into patches of about `size` [m].
+    def of(cls, groups: Sequence[np.ndarray], size: float | Sequence[float]) -> PanePatches:
+        """Cut groups of panes, (pane, 4, 3) each, into patches of about `size` [m], by group.
 
         A triangular pane, which repeats its last corner, becomes n² congruent triangles.
 
@@ -49,17 +49,18 @@ class PanePatches:
             The number of patches would exceed `MOST_PATCHES`.
         """
         parts, total = [], 0
-        for owner, quads in enumerate(groups):
+        sizes = np.broadcast_to(size, len(groups)).tolist()
+        for owner, (quads, width) in enumerate(zip(groups, sizes, strict=True)):
             for quad in quads:
                 corner, u, v = quad[0], quad[1] - quad[0], quad[3] - quad[0]
-                nu, nv = (max(1, round(float(np.linalg.norm(e)) / size)) for e in (u, v))
+                nu, nv = (max(1, round(float(np.linalg.norm(e)) / width)) for e in (u, v))
                 is_triangular = bool((quad[2] == quad[3]).all())
                 if is_triangular:
                     nu = nv = max(nu, nv)
                 n = nu * nv
                 total += n
                 if total > MOST_PATCHES:
-                    got = f"more than {MOST_PATCHES} patches of {size:g} m on the panes"
+                    got = f"more than {MOST_PATCHES} patches of {width:g} m on the panes"
                     raise InputError("case", "accuracy.cell_size", got, "take larger cells")
                 i, j = (a.ravel()[:, None] for a in np.mgrid[:nu, :nv])
                 edges = np.tile(u / nu, (n, 1)), np.tile(v / nv, (n, 1))

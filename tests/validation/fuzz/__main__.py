@@ -1,0 +1,61 @@
+"""Compare random cases: `python -m tests.validation.fuzz [--seeds 0 20] [--minutes 30]`.
+
+Prints a row for every case and source, as Markdown; the exit code is 1 where one of them is wrong.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+import numpy as np
+
+from drcmitsuba.case.case import Case
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
+from tests.validation.fuzz.agreement import compared
+from tests.validation.fuzz.boxes import random_box
+from tests.validation.fuzz.buildings import random_building
+
+KINDS = {"box": random_box, "building": random_building}
+"""Function that draws a case, by kind."""
+HEAD = "| case | source | deviation of the sum | worst sensor | probability | |"
+
+
+def drawn(kind: str, seed: int) -> Case:
+    """Case of a kind and a seed, the same on every machine."""
+    return KINDS[kind](np.random.default_rng([seed, list(KINDS).index(kind)]))
+
+
+def main() -> int:
+    """Compare, and say what is wrong."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--kinds", default=",".join(KINDS), help="box, building, or both")
+    parser.add_argument("--seeds", type=int, nargs=2, default=(0, 20), metavar=("FIRST", "END"))
+    parser.add_argument("--paths", type=int, default=1024, help="paths from a sensor, of 16 runs")
+    parser.add_argument("--minutes", type=float, default=30.0, help="no case begins after them")
+    asked, start, wrong = parser.parse_args(), time.monotonic(), 0
+    backend.select()
+    print(HEAD, "|---" * 6 + "|", sep="\n", flush=True)
+    for seed in range(*asked.seeds):
+        for kind in asked.kinds.split(","):
+            if time.monotonic() - start > 60 * asked.minutes:
+                return int(wrong > 0)
+            try:
+                rows = compared(drawn(kind, seed), asked.paths)
+            except InputError as error:
+                print(f"| {kind} {seed} | refused | {error} | | | |", flush=True)
+                continue
+            for row in rows:
+                wrong += row.is_wrong
+                told = "wrong" if row.is_wrong else ""
+                print(
+                    f"| {kind} {seed} | {row.source} | {row.deviation:+.2%} ± {row.error:.2%} "
+                    f"| {row.worst:+.1%} | {row.p_worst:.1e} | {told} |",
+                    flush=True,
+                )  # fmt: skip
+    return int(wrong > 0)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
