@@ -27,7 +27,7 @@ sensor_stream, large_year, large_result
     A year of any number of sensors, summed block by block.
 saved_result, result
     `evaluate`, `Result`: from a case to numbers, files and pictures; the data flow in ten lines.
-nearest_sensors, light_tracing, lights
+light_tracing, lights
     Who lights a point: C and the year's light by window, state, source and number of bounces.
 variants, season
     Several façades of one room; monthly values relative to an open window.

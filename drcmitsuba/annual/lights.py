@@ -13,7 +13,6 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba_plugins.sampling import disk_solid_angle
 
 from drcmitsuba.annual.light_tracing import LightTracing
-from drcmitsuba.annual.nearest_sensors import nearest_sensors
 from drcmitsuba.annual.result import Result
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.reading import load_case
@@ -21,6 +20,7 @@ from drcmitsuba.report.lights import of_period
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, part, silent
+from drcmitsuba.scene.nearest_sensors import nearest_sensors
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import describe
 
@@ -124,7 +124,7 @@ def lights(
     Raises
     ------
     InputError
-        A point far from all sensors, too many points, or results of another case.
+        No point, one far from all sensors, too many points, or results of another case.
 
     Examples
     --------
@@ -134,7 +134,11 @@ def lights(
     ('window', 'source', 'bounces', 'sensor')
     """
     case = case if isinstance(case, Case) else load_case(case)
-    sensors = nearest_sensors(case, points)
+    known = prepared(case).receivers.coordinates
+    at = np.stack([known[axis].values for axis in "xyz"], axis=1)
+    sensors = nearest_sensors(at, points, case.source)
+    if not sensors:
+        raise InputError(case.source, "points", "none", "give x,y or x,y,z in metres")
     traced = LightTracing.of(case, results, stage)
     with traced.run.timed("who lights the points") as done:
         C = traced.coefficients(sensors, done)

@@ -144,7 +144,7 @@ def _with_others(numbers: dict[str, Any], file: Path) -> dict[str, Any]:
 def plot(
     folder: Annotated[Path, argument("FOLDER", "Folder of an evaluation.")],
     point: Annotated[
-        list[str] | None, option("X,Y", "Year of the sensor nearest to it [m]; may be repeated.")
+        list[str] | None, option("X,Y[,Z]", "Year of the sensor nearest to it [m]; repeatable.")
     ] = None,
     section: Annotated[
         str | None, option("X,Y,X,Y", "Ends of the section [m]; by default across the room.")
@@ -159,7 +159,7 @@ def plot(
     from drcmitsuba.report import figures, metrics_file, plots
     from drcmitsuba.report.year_figures import year_figures
 
-    points = [lengths(text, (2,), "--point", "X,Y") for text in point or ()]
+    points = [lengths(text, (2, 3), "--point", "x,y or x,y,z") for text in point or ()]
     ends = None if section is None else lengths(section, (4,), "--section", "X,Y,X,Y")
     if ends is not None and ends[:2] == ends[2:]:
         raise InputError("command line", "--section", f"{section}, a point", "give two ends")

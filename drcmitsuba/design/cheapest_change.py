@@ -173,7 +173,7 @@ def _judged(
 def _change(tried: _Tried, facades: Facades, now: Verdict, target: int) -> Change:
     """Put a change together."""
     problem, candidate = tried.problem, tried.candidate
-    before = problem.named(problem.start_towards(candidate.x))
+    before = problem.facade.given(problem.start_towards(candidate.x))
     after = problem.named(candidate.x)
     single = [p for p in problem.facade.free if p.count == 1]
     pairs = {p.key: (float(before[p.key][0]), float(after[p.key][0])) for p in single}

@@ -229,10 +229,13 @@ class FacadeProblem(RatedProblem):
         )
 
     def named(self, x: np.ndarray) -> dict[str, np.ndarray]:
-        """Values of all parameters in their own units, each of shape (count,)."""
+        """Values of all parameters as drawn, in their own units, each of shape (count,)."""
+        return self.facade.drawn(self.given(x))
+
+    def given(self, x: np.ndarray) -> dict[str, np.ndarray]:
+        """Values of all parameters as x gives them, in their own units, each of shape (count,)."""
         x = np.asarray(x, float)
-        values = self._by_key(np.full, lambda begin, count: x[begin : begin + count])
-        return self.facade.drawn(values)
+        return self._by_key(np.full, lambda begin, count: x[begin : begin + count])
 
     def values(self, x: mi.Float) -> dict[str, mi.Float]:
         """Values of all parameters with the gradients of x (free,), each of width count."""

@@ -257,7 +257,7 @@ class GlareYear:
             storage.save_netcdf(self.hours, folder / "glare.nc")
             storage.save_json(self.numbers(), folder / "glare.json")
             plots.save(self.year_plot(), folder / "glare_year.png")
-            plots.save(self.plan_plot(), folder / "glare_plan.png")
+            plots.save_all(self.plan_plots(), folder)
         return self
 
     def year_plot(self, view: str | None = None, state: str | None = None) -> Figure:
@@ -275,25 +275,34 @@ class GlareYear:
             self.hours["dgp"].sel(state=state, view=view), title=words, caption=self._caption
         )
 
-    def plan_plot(self, state: str | None = None) -> Figure:
-        """Plan of the views with their shares of hours above 0.40 as arrows."""
+    def plan_plots(self, state: str | None = None) -> dict[str, Figure]:
+        """Plans of the views with their shares of hours above 0.40 as arrows, by file name.
+
+        Each storey with views has a plan.
+        """
         from drcmitsuba.report import glare_plots
         from drcmitsuba.report.outlines import outlines_in_plan
-        from drcmitsuba.report.sheets import Sheet
+        from drcmitsuba.report.sheets import sheets
 
         state = self.states[-1] if state is None else state
         h, limit = self.hours, CLASSES["medium"]
-        at = np.column_stack([h[axis].values for axis in "xyz"])
-        z = at[:, 2]
+        share = 100 * self.share(limit).sel(state=state).values
+        at = np.column_stack([h[axis].values for axis in "xy"])
+        towards = np.column_stack([h[axis].values for axis in ("dx", "dy")])
         words = f"{self.case.name}: hours with DGP above {limit:.2f}"
         words += f", façade {state}" if len(self.states) > 1 else ""
-        sheet = Sheet(np.arange(len(at)), float(z.min()), float(z.max()), -np.inf, np.inf, True)
-        return glare_plots.plan(
-            at[:, :2], np.column_stack([h["dx"].values, h["dy"].values]),
-            100 * self.share(limit).sel(state=state).values,
-            title=words, caption=self._caption,
-            lines=outlines_in_plan(self.case, at[:, :2], sheet),
-        )  # fmt: skip
+        every = sheets(xr.Dataset(coords={axis: ("sensor", h[axis].values) for axis in "xyz"}))
+        drawn = {}
+        for k, sheet in enumerate(every, start=1):
+            number = f"_{k}" if len(every) > 1 else ""
+            where = f"; plan {k} of {len(every)}, eyes from {sheet.low:.2f} m on" * bool(number)
+            views = sheet.sensors
+            drawn[f"glare_plan{number}.png"] = glare_plots.plan(
+                at[views], towards[views], share[views], title=words + where,
+                caption=self._caption, lines=outlines_in_plan(self.case, at[views], sheet),
+                most=float(share.max(initial=0)),
+            )  # fmt: skip
+        return drawn
 
     @property
     def _caption(self) -> str:

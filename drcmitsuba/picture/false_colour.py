@@ -12,7 +12,7 @@ from matplotlib.ticker import LogFormatter, LogLocator
 
 from drcmitsuba.picture.picture import Picture
 from drcmitsuba.picture.screen import SRGB, Screen
-from drcmitsuba.report.style import NAME
+from drcmitsuba.report.style import NAME, letters
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 
@@ -89,7 +89,7 @@ def false_colour(
     bar.ax.tick_params(labelsize=11)
     bar.update_ticks()
     if title:
-        ax.set_title(title, fontsize=12, **NAME)
+        ax.set_title(title, fontsize=letters(title, figure.get_figwidth(), 12), **NAME)
     return figure
 
 

@@ -233,7 +233,8 @@ def shaded_state(facts: Facts) -> Effect:
         return Effect(False, "there is no clear pane that it could cover")
     scheduled = [name for name, group in case.groups.items() if group.schedule is not None]
     if scheduled:
-        return Effect(True, f"{', '.join(scheduled)} follow a schedule")
+        verb = "follows" if len(scheduled) == 1 else "follow"
+        return Effect(True, f"{', '.join(scheduled)} {verb} a schedule")
     threshold, area = case.shade_rule
     if area == 0:
         return Effect(True, "shades close at all hours: their rule asks for no sensor in the sun")

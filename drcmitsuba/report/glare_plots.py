@@ -55,7 +55,7 @@ def year(dgp: xr.DataArray, *, title: str = "", caption: str = "") -> Figure:
 
 def plan(
     at: np.ndarray, towards: np.ndarray, shares: np.ndarray, *, title: str = "", caption: str = "",
-    lines: Mapping[str, Sequence[np.ndarray]] | None = None,
+    lines: Mapping[str, Sequence[np.ndarray]] | None = None, most: float = 0.0,
 ) -> Figure:  # fmt: skip
     """Draw views as arrows in a plan, in the colour of their share of the hours.
 
@@ -69,6 +69,8 @@ def plan(
         Words above the picture.
     lines : mapping of str to sequence of arrays (n, 2), optional
         Outlines x, y [m] by their kind in `style.LINES`.
+    most : float
+        Share at the end of the colours [%], at least the largest one that is drawn.
 
     Returns
     -------
@@ -80,7 +82,7 @@ def plan(
         for outline in outlines:
             closed = outline if kind == "glazing" else np.vstack([outline, outline[:1]])
             ax.plot(*closed.T, **LINES[kind])
-    norm = Normalize(0, max(5.0, float(shares.max(initial=0))))
+    norm = Normalize(0, max(5.0, most, float(shares.max(initial=0))))
     colours = colormaps["cividis_r"]
     spread = max(np.ptp([*ax.get_xlim()]), np.ptp([*ax.get_ylim()])) if lines else 5.0
     length = 0.09 * spread

@@ -18,7 +18,7 @@ from matplotlib.legend import Legend
 
 from drcmitsuba.report.captions import MONTHS
 from drcmitsuba.report.standing import SheetFigure
-from drcmitsuba.report.style import BLUE, GREY, INK, METRICS, NAME, ORANGE, tidy
+from drcmitsuba.report.style import BLUE, GREY, INK, METRICS, NAME, ORANGE, letters, tidy
 
 ACCEPTED, PREFERRED = 55, 75
 """Spatial daylight autonomy that LM-83 calls nominally accepted, preferred [%]."""
@@ -152,7 +152,8 @@ def season(
 
 def _head(figure: Figure, title: str, caption: str = "") -> None:
     """Write the title above the panels, and the caption below it."""
-    bold: dict[str, Any] = {"fontsize": 12, "weight": "bold", "color": INK}
+    size = letters(title, 0.9 * figure.get_figwidth(), 12)
+    bold: dict[str, Any] = {"fontsize": size, "weight": "bold", "color": INK}
     figure.text(0.075, 0.955, title, va="center", **bold, **NAME)
     figure.text(0.075, 0.9, caption, va="center", fontsize=8, color=GREY, **NAME)
 

@@ -17,13 +17,13 @@ from drcmitsuba.report import tiles
 from drcmitsuba.report.colour_scale import colour_bar, label_of, scale
 from drcmitsuba.report.plan_sheet import PlanSheet
 from drcmitsuba.report.sensor_marks import SensorMarks
-from drcmitsuba.report.style import INK, LINES, NAME, halo
+from drcmitsuba.report.style import INK, LETTER, LINES, NAME, halo
 from drcmitsuba.runtime.errors import InputError
 
 LEGIBLE = 0.5
 """Least distance of sensors on paper [inch] at which their values are written."""
-LETTER, LINE = 0.62, 1.2
-"""Width of a bold letter, and height of a line, over its size [–]."""
+LINE = 1.2
+"""Height of a line over the size of its letters [–]."""
 SCALES = Normalize, LogNorm
 """Scales of colours that their limits decide."""
 SMALLEST = 4.5
@@ -141,7 +141,7 @@ def plan(
             away = abs(boxes[:, 0] - line.get_position()) - np.array([12, 6]) / 72 / inch
             line.set_visible(not (away < boxes[:, 1]).all(axis=1).any())
     elif tiles.closest(x, y) * inch >= LEGIBLE:
-        _write_numbers(ax, x, y, numbers, norm)
+        _write_numbers(ax, marks, numbers, norm)
     extend = colour_bar(picture, numbers, bar).extend
     if limit is not None:
         bar.axhline(limit, **LINES["limit"])
@@ -193,14 +193,19 @@ def draw_lines(ax: Axes, lines: Mapping[str, Sequence[np.ndarray]], thin: float 
 
 
 def _write_numbers(
-    ax: Axes, x: np.ndarray, y: np.ndarray, numbers: np.ma.MaskedArray, norm: Any
+    ax: Axes, marks: Sequence[SensorMarks], numbers: np.ma.MaskedArray, norm: Any
 ) -> None:
-    """Write each sensor's value on it, dark on the bright end of the colours."""
+    """Write each sensor's value on it, dark on the bright end of the colours and on arrows."""
     digits = 0 if abs(numbers).max() >= 100 else 1
-    for i in np.flatnonzero(~np.ma.getmaskarray(numbers)):
-        colour = INK if norm(numbers[i]) > 0.6 else "white"
-        text = f"{numbers[i]:.{digits}f}"
-        ax.text(x[i], y[i], text, color=colour, ha="center", va="center", fontsize=8)
+    for mark in marks:
+        for i, place in zip(mark.sensors.tolist(), mark.at, strict=True):
+            if np.ma.is_masked(numbers[i]):
+                continue
+            style: dict[str, Any] = {"color": INK if norm(numbers[i]) > 0.6 else "white"}
+            if mark.normal is not None:
+                style = {"color": INK, "path_effects": halo(2.4, "white")}
+            text = f"{numbers[i]:.{digits}f}"
+            ax.text(*place, text, ha="center", va="center", fontsize=8, **style)
 
 
 def _write_texts(

@@ -94,6 +94,26 @@ def sensors_along(
         Indices of the sensors, and their distances from `start` along the line [m], increasing.
         Of several at one distance the nearest to the line counts.
     """
+    order, along = _on_line(values, start, end)
+    if not len(order):
+        at = np.column_stack(positions(values))
+        begin, last = np.asarray(start, float), np.asarray(end, float)
+        x, y = at[np.argmin(np.hypot(*(at - (begin + last) / 2).T))]
+        got = f"no sensor from {begin[0]:g}, {begin[1]:g} to {last[0]:g}, {last[1]:g}"
+        remedy = f"draw it through sensors; one stands at {x:g}, {y:g}"
+        raise InputError("section", "line", got, remedy)
+    return order, along
+
+
+def meets(values: xr.DataArray, start: ArrayLike, end: ArrayLike) -> bool:
+    """Whether a line from `start` to `end`, x, y each [m], meets a sensor."""
+    return len(_on_line(values, start, end)[0]) > 0
+
+
+def _on_line(
+    values: xr.DataArray, start: ArrayLike, end: ArrayLike
+) -> tuple[np.ndarray, np.ndarray]:
+    """Sensors on a line, as `sensors_along`; none where none stands there."""
     at = np.column_stack(positions(values))
     begin, last = np.asarray(start, float), np.asarray(end, float)
     line = last - begin
@@ -107,11 +127,6 @@ def sensors_along(
     close = (beside <= near / 2) & (along >= -1e-9) & (along <= length + 1e-9)
     order = np.flatnonzero(close)[np.lexsort((beside[close], along[close].round(6)))]
     first = np.diff(along[order].round(6), prepend=-np.inf) > 0
-    if not first.any():
-        x, y = at[np.argmin(np.hypot(*(at - begin - line / 2).T))]
-        got = f"no sensor from {begin[0]:g}, {begin[1]:g} to {last[0]:g}, {last[1]:g}"
-        remedy = f"draw it through sensors; one stands at {x:g}, {y:g}"
-        raise InputError("section", "line", got, remedy)
     return order[first], along[order[first]]
 
 

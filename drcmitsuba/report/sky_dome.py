@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from drcmitsuba.report.captions import place_text
 from drcmitsuba.report.colour_scale import label_of
 from drcmitsuba.report.lights import of_period
-from drcmitsuba.report.style import BLUE, COLOURS, INK, NAME, ORANGE, head, new_axes, tidy
+from drcmitsuba.report.style import BLUE, COLOURS, INK, NAME, ORANGE, head, letters, new_axes, tidy
 
 UNSEEN = "#B9B9B9"
 """Colour of suns that send nothing."""
@@ -57,7 +57,9 @@ def who_lights(of_point: xr.Dataset) -> Figure:
     x, y = float(of_point["x"]), float(of_point["y"])
     state = str(of_point["state"].values[0])
     title = f"{of_point.attrs['case']}: who lights the point at ({x:.2f}, {y:.2f}) m"
-    figure.suptitle(f"{title}\n{_where(of_point)}", fontsize=10, color=INK, **NAME)
+    title = f"{title}\n{_where(of_point)}"
+    size = letters(title, figure.get_figwidth(), 10)
+    figure.suptitle(title, fontsize=size, color=INK, **NAME)
     C = of_point["by_window"].isel(state=0, window=order) / of_point["solid_angle"]
     norm = PowerNorm(0.35, vmin=0, vmax=max(float(C.sum("bounces").max()), 1e-9))
     subdivision = int(of_point.attrs["subdivision"])
@@ -68,7 +70,7 @@ def who_lights(of_point: xr.Dataset) -> Figure:
             sky_dome(of_class, of_point["direction"], subdivision=subdivision, ax=ax, norm=norm)
             ax.set_title(f"{values['window'].item()}, {label}", fontsize=9, **NAME)
     bar = below.colorbar(axes[0, 0].collections[0], ax=axes, shrink=0.9, pad=0.02)
-    bar.set_label(f"C per solid angle of the bin [–],\nstate {state}", fontsize=9)
+    bar.set_label(f"C per solid angle of the bin [–],\nstate {state}", fontsize=9, **NAME)
     bar.ax.tick_params(labelsize=8.5)
     return figure
 

@@ -71,7 +71,7 @@ def _parallel(known: pd.DataFrame, keys: Sequence[str]) -> Figure:
             box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8}
             ax.text(i + 0.04, height, text, fontsize=8, va="center", bbox=box, **NAME)
     ends = [name.rpartition(".")[0][-26:] + "\n" + name.rpartition(".")[2] for name in columns[:-2]]
-    ax.set_xticks(range(len(columns)), [*ends, "sDA [%]", "ASE [%]"], fontsize=8)
+    ax.set_xticks(range(len(columns)), [*ends, "sDA [%]", "ASE [%]"], fontsize=8, **NAME)
     ax.set_yticks([])
     ax.spines[:].set_visible(False)
     ax.set_xlim(-0.1, len(columns) - 0.6)

@@ -54,6 +54,8 @@ LINES: dict[str, dict[str, Any]] = {
 """Lines of a plan by their name in the legend."""
 DPI, SHOWN_DPI = 150, 100
 """Resolution of files, and of figures that Jupyter or the report shows [1/inch]."""
+LETTER = 0.62
+"""Width of a bold letter over its size [–]."""
 NAME = {"parse_math": False}  # dollars in a case's name do not begin a formula
 
 
@@ -73,6 +75,12 @@ def head(ax: Axes, title: str, caption: str = "", above: float = 5.0) -> None:
         "\n".join(small), (0, 1), (0, above), "axes fraction", "offset points", va="bottom",
         fontsize=8.5, color=GREY, linespacing=1.15, **NAME,
     )  # fmt: skip
+
+
+def letters(text: str, width: float, largest: float) -> float:
+    """Size of letters [pt] in which the longest line of a text is at most `width` wide [inch]."""
+    longest = max(map(len, text.split("\n")))
+    return min(largest, 72 * width / (LETTER * max(longest, 1)))
 
 
 def pixels_of(figure: Figure, dpi: int, drawn: DrawnParts | None = None) -> np.ndarray:

@@ -69,6 +69,7 @@ def sun_path(
     if closed.dims != ("time",) or "time" not in closed.coords or closed.size == 0:
         dims = ", ".join(f"{dim}: {size}" for dim, size in closed.sizes.items())
         raise InputError("sun path", "dims", dims or "none", "give one value for each time stamp")
+    is_new = ax is None
     ax = new_axes((6.6, 7.8), projection="polar") if ax is None else ax
     sky: Any = ax
     sky.set(theta_zero_location="N", theta_direction=-1)
@@ -97,6 +98,9 @@ def sun_path(
     ax.legend(loc="upper left", bbox_to_anchor=(0.0, -0.07), frameon=False, fontsize=9.5,
               markerscale=1.6, borderaxespad=0)  # fmt: skip
     head(ax, title, caption, above=22)
+    if is_new:  # a circle leaves no more room for further lines
+        figure, lines = ax.get_figure(root=True), ax.get_title(loc="left").count("\n")
+        figure.set_figheight(figure.get_figheight() + 0.19 * lines)
     return ax
 
 

@@ -87,7 +87,8 @@ def day_by_hour(values: xr.DataArray) -> tuple[np.ndarray, np.ndarray, np.ndarra
     -------
     tuple
         Days with time stamps, datetime64[D] (day,); minutes since midnight at which the rows begin,
-        an equal step apart, (row,); the values, NaN where there is none, (row, day).
+        an equal step apart, (row,); the values, NaN where there is none, (row, day). A value
+        fills the least time between two stamps of a day, or `MINUTES`.
     """
     if values.dims != ("time",) or "time" not in values.coords or values.size == 0:
         dims = ", ".join(f"{dim}: {size}" for dim, size in values.sizes.items())
@@ -97,9 +98,13 @@ def day_by_hour(values: xr.DataArray) -> tuple[np.ndarray, np.ndarray, np.ndarra
     days, column = np.unique(time.astype("datetime64[D]"), return_inverse=True)
     minute = (time - days[column]).astype(int)
     step = int(np.gcd.reduce(np.diff(np.unique(minute)), initial=MINUTES))
+    order = np.lexsort((minute, column))
+    between = np.diff(minute[order])[np.diff(column[order]) == 0]
+    rows = int(between[between > 0].min(initial=MINUTES)) // step  # of a value
     row = (minute - minute.min()) // step
-    cells = np.full((int(row.max()) + 1, len(days)), np.nan)
-    cells[row, column] = values.values
+    cells = np.full((int(row.max()) + rows, len(days)), np.nan)
+    for k in range(rows):
+        cells[row + k, column] = values.values
     return days, minute.min() + step * np.arange(len(cells)), cells
 
 

@@ -15,20 +15,17 @@ from drcmitsuba.report.colour_scale import scale
 from drcmitsuba.report.figures import has_shade
 from drcmitsuba.report.mountain import forms_rows, mountain
 from drcmitsuba.report.outlines import outlines_in_plan
-from drcmitsuba.report.section import section, through_middle
+from drcmitsuba.report.section import meets, section, sensors_along, through_middle
 from drcmitsuba.report.sheets import MOST_SHEETS, sheets
 from drcmitsuba.report.sun_path import sun_path
 from drcmitsuba.report.temporal_map import temporal_map
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene.nearest_sensors import nearest_sensors
 from drcmitsuba.schema import luminance
 from drcmitsuba.sky.weather import Site
 
-NEAR = 1.0
-"""Largest distance from a point to its nearest sensor in plan [m]."""
-MOST_POINTS = 24
-"""Largest number of points."""
 Place = Sequence[float]
-"""Place x, y [m]."""
+"""Place x, y, or x, y, z [m]."""
 
 
 def year_figures(
@@ -44,18 +41,19 @@ def year_figures(
         E as on disk [lx].
     numbers : mapping
         Content of `metrics.json`.
-    points : sequence of (x, y)
+    points : sequence of (x, y) or (x, y, z)
         Points [m] whose nearest sensor gets a temporal map of its own.
     line : tuple of two (x, y), optional
-        Ends of the section [m]. By default it goes through the middle of the sensors of the first
-        plan, away from the glazing.
+        Ends of a section [m] through every plan with sensors there. By default it goes through the
+        middle of the sensors of the first plan, away from the glazing.
 
     Returns
     -------
     dict of str to Figure
         By file name: `illuminance_mountain.png`, where the sensors form rows and columns,
-        `illuminance_section.png`, `illuminance_year.png` of the mean over all sensors,
-        `illuminance_year_N.png` of sensor N, and `sun_path.png`, where E has the place.
+        `illuminance_section.png`, or `illuminance_section_K.png` of plan K where a line crosses
+        several, `illuminance_year.png` of the mean over all sensors, `illuminance_year_N.png` of
+        sensor N, and `sun_path.png`, where E has the place.
 
     Raises
     ------
@@ -81,11 +79,12 @@ def year_figures(
         E.mean("sensor", keep_attrs=True), caption=caption,
         title=f"{case.name}: mean illuminance of all sensors{shade}",
     ).figure  # fmt: skip
-    for sensor in sensors_near(illuminance, points):
-        x, y = (float(illuminance[axis][sensor]) for axis in "xy")
+    every = positions_of(illuminance)
+    for sensor in nearest_sensors(every, points, "points"):
+        at = ", ".join(f"{x:g}" for x in every[sensor])
         drawn[f"illuminance_year_{sensor}.png"] = temporal_map(
             E.isel(sensor=sensor), caption=caption,
-            title=f"{case.name}: illuminance of sensor {sensor} at ({x:g}, {y:g}) m{shade}",
+            title=f"{case.name}: illuminance of sensor {sensor} at ({at}) m{shade}",
         ).figure  # fmt: skip
     site, attributes = site_of(case.name, illuminance), illuminance.attrs
     if site is not None:
@@ -126,57 +125,46 @@ def site_of(name: str, illuminance: xr.Dataset) -> Site | None:
     return Site(name, **at, elevation=0.0)
 
 
-def sensors_near(illuminance: xr.Dataset, points: Sequence[Place]) -> list[int]:
-    """Numbers of the sensors nearest to points x, y [m], each once.
-
-    Raises
-    ------
-    InputError
-        Too many points, or one that is far from all sensors.
-    """
-    at = np.column_stack([illuminance[axis].values for axis in "xy"])
-    if len(points) > MOST_POINTS:
-        raise InputError("points", "points", f"{len(points)}", f"give at most {MOST_POINTS}")
-    chosen = []
-    for point in points:
-        away = np.hypot(*(at - np.asarray(point, float)).T)
-        nearest = int(np.argmin(away))
-        if not away[nearest] <= NEAR:
-            got = f"no sensor within {NEAR:g} m of {point[0]:g}, {point[1]:g}"
-            x, y = at[nearest].round(3)
-            raise InputError("points", "point", got, f"the nearest one is at {x:g}, {y:g}")
-        chosen.append(nearest)
-    return [*dict.fromkeys(chosen)]
+def positions_of(illuminance: xr.Dataset) -> np.ndarray:
+    """Positions of the sensors of E, x, y, and z where it has heights [m], shape (sensor, axis)."""
+    axes = [axis for axis in "xyz" if axis in illuminance.coords]
+    return np.column_stack([illuminance[axis].values for axis in axes])
 
 
 def _in_plan(
     case: Case, illuminance: xr.Dataset, mean: xr.DataArray, line: tuple[Place, Place] | None,
     title: str, caption: str,
 ) -> dict[str, Figure]:  # fmt: skip
-    """Mountains of all sheets, in the same colours, and a section through the first one."""
+    """Mountains of all sheets, in the same colours, and sections: along a line, or of the first."""
     every, drawn = sheets(illuminance), {}
     at = np.column_stack([illuminance[axis].values for axis in "xy"])
     norm = scale(np.ma.masked_invalid(mean.values))
+    cuts = dict[int, Figure]()
     for k, sheet in enumerate(every[:MOST_SHEETS], start=1):
         here = mean[sheet.sensors]
         lines = outlines_in_plan(case, at[sheet.sensors], sheet)
         outlines = {kind: lines.get(kind, ()) for kind in ("room", "glazing")}
+        where = f"; plan {k} of {len(every)}" if len(every) > 1 else ""
         if sheet.faces_up and forms_rows(here):
             number = f"_{k}" if len(every) > 1 else ""
             drawn[f"illuminance_mountain{number}.png"] = mountain(
-                here, norm=norm, title=title, caption=caption, **outlines
+                here, norm=norm, title=title + where, caption=caption, **outlines
             ).figure
         ends = line or through_middle(here, _inwards(at[sheet.sensors], outlines["glazing"]))
-        if k == 1 and not np.array_equal(*ends):
-            counted = mean if line else here
+        if meets(here, *ends) if line else k == 1 and not np.array_equal(*ends):
             error = illuminance.get("total_se")
             if error is not None:
-                error = luminance(error).mean("time")[slice(None) if line else sheet.sensors]
+                error = luminance(error).mean("time")[sheet.sensors]
             band = "; band: 95 % interval at most, as if errors of all hours had one sign"
-            drawn["illuminance_section.png"] = section(
-                counted, error, start=ends[0], end=ends[1], title=title,
+            cuts[k] = section(
+                here, error, start=ends[0], end=ends[1], title=title + where,
                 caption=caption + band * (error is not None),
             ).figure  # fmt: skip
+    if line and not cuts:
+        sensors_along(mean, *line)  # which says where sensors stand
+    for k, figure in cuts.items():
+        number = f"_{k}" if len(cuts) > 1 else ""
+        drawn[f"illuminance_section{number}.png"] = figure
     return drawn
 
 

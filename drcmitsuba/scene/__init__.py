@@ -25,7 +25,7 @@ floors_of_model, spaces, space_walls, wall_sides
 leaks, daylit, panes_behind
     Rooms of a model that are open to the sky, those that no daylight enters, panes close behind
     one another.
-surfaces, sensors, sensors_of_model, views
+surfaces, sensors, sensors_of_model, nearest_sensors, views
     All surfaces of a case as plain geometry; points at which illuminance is computed; eyes.
 prepared_case
     Groups of panes and sensors of a case, found once, from which all rooms read.

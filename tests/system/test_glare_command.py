@@ -1,6 +1,7 @@
 """`drcmitsuba glare` as a user runs it: its tables, files and refusals."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -110,6 +111,15 @@ def test_the_command_writes_tables_files_and_plots(run, tmp_path):
     with xr.open_dataset(tmp_path / "glare" / "glare.nc") as saved:
         assert saved["dgp"].sizes == {"state": 1, "time": 6, "view": 8}
         assert saved["illuminance"].attrs["units"] == "lx"
+
+
+def test_each_storey_has_a_plan_of_its_views(year):
+    high = year.hours["z"].values + [0.0, 3.0, 0.2]
+    plans = replace(year, hours=year.hours.assign_coords(z=("view", high))).plan_plots()
+    assert list(plans) == ["glare_plan_1.png", "glare_plan_2.png"]
+    arrows = [[t for t in f.axes[0].texts if t.get_text().isdigit()] for f in plans.values()]
+    assert [len(each) for each in arrows] == [2, 1]
+    assert "plan 2 of 2, eyes from" in plans["glare_plan_2.png"].axes[0].get_title(loc="left")
 
 
 def test_a_year_of_glare_shows_itself(year):

@@ -6,6 +6,8 @@ import xarray as xr
 
 import drcmitsuba
 from drcmitsuba.annual import light_tracing, lights
+from drcmitsuba.report.sky_dome import who_lights
+from drcmitsuba.report.style import png
 from tests.system.small_room import SITE, changed, run
 
 DAYS = ("months = [3, 6]", "months = [12]\nhours = [10, 14]")
@@ -68,6 +70,12 @@ def test_command_writes_a_dataset_and_pictures(case, evaluated, monkeypatch, cap
         assert data["by_window"].attrs["units"] == "sr"
         assert float(data["hours"].sum()) == evaluated[1].illuminance.sizes["time"]
     assert len(list(folder.glob("lights_*.png"))) == 2
+
+
+def test_a_state_whose_name_holds_dollars_is_drawn(case, evaluated):
+    one = drcmitsuba.lights(evaluated[0], [(1, 1)], results=evaluated[1]).dataset.isel(sensor=0)
+    names = np.array([f"$\\foo{{${i}" for i in range(one.sizes["state"])], object)
+    assert png(who_lights(one.assign_coords(state=names)))
 
 
 def test_hours_of_further_states_are_told(case, evaluated, tmp_path, monkeypatch, capsys):

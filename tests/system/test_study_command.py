@@ -14,6 +14,7 @@ from drcmitsuba.blocks import block_folder
 from drcmitsuba.blocks.stored_before import MOST_LINES, StoredBefore
 from drcmitsuba.case.study import load_study
 from drcmitsuba.report.study_charts import charts
+from drcmitsuba.report.style import png
 from drcmitsuba.runtime import provenance
 from drcmitsuba.runtime.errors import InputError
 from tests import skips
@@ -212,6 +213,8 @@ def test_pictures_of_texts_numbers_and_single_values():
     names = [text.get_text() for text in drawn["scatter.png"].axes[0].texts]
     assert names == ["1", "2", "3", "4", "5"]
     assert charts(frame.assign(sDA=np.nan), ["a"]) == {}
+    formula = "materials.$\\foo{$"
+    png(charts(frame.rename(columns={"a": formula}), [formula, "b"])["parallel.png"])
 
 
 def test_a_study_says_from_which_rows_and_blocks_it_goes_on(folder, monkeypatch, capsys):

@@ -23,8 +23,8 @@ OWN = ("monthly.png", "[!g]*_plan.png", "lights_*.png", ".*")
 """Pictures that the page draws itself from numbers."""
 OF_GLARE = "glare_*.png"
 """Pictures that the command `glare` draws."""
-AT_ONCE = 60.0
-"""Time within which pictures of an evaluation are written beside its numbers [s]."""
+AT_ONCE = 2.0
+"""Time within which the files of a folder are copied, in any order [s]."""
 MOST_PICTURES = 6
 """Largest number of pictures of a façade."""
 MOST_VIEWS = 40

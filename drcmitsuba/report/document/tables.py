@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from drcmitsuba.case.groups import GroupStates
+from drcmitsuba.case.schedule import Schedule
 from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.model.materials import Lambertian, Reflectance
 from drcmitsuba.report.captions import month_names, period_text
@@ -107,10 +109,14 @@ def _shading(facade: EvaluatedFacade) -> str:
     t, E = labels(), facade.illuminance.attrs
     if not E.get("has_shade", 0):
         return t["no_shade"]
-    if "schedule" in E:
+    groups = GroupStates.of_attributes(E)
+    scheduled = Schedule.of_attributes(E, groups).given
+    if scheduled.all():
         return t["shade_schedule"]
     threshold, area = (float(E.get(f"shade_{n}", 0)) for n in ("threshold", "area"))
-    return t["shade_rule"].format(threshold=f"{threshold:g}", area=f"{100 * area:g}")
+    rule = t["shade_rule"].format(threshold=f"{threshold:g}", area=f"{100 * area:g}")
+    names = [text(name) for name, given in zip(groups.names, scheduled, strict=True) if given]
+    return f"{rule}; {_listed(names)}: {t['shade_schedule']}" if names else rule
 
 
 def _points(facade: EvaluatedFacade) -> str:

@@ -549,6 +549,24 @@ def test_a_window_gives_its_values_back(year, values):
     assert [float(back[key][0]) for key in keys] == pytest.approx(values, abs=1e-4)
 
 
+def test_a_film_that_is_not_there_yet_does_not_move(year):
+    """Its place says nothing of the façade as it is: that of the film that comes stands there."""
+    panes = Panes(year.tiles, year.materials, "glass", "film")
+    parameters = (Parameter(key, 0.0, 1.0, 0.5) for key in ("wwr", "dwr", "position"))
+    facade = Window(panes, 8.8 * 3.6, Parameter("sill", 0.9, 0.9, 0.9), *parameters)
+    share = facade.share({"sill": mi.Float(0.9), "wwr": mi.Float(0.5), "dwr": mi.Float(0),
+                          "position": mi.Float(1)}).numpy()  # fmt: skip
+    problem = ChangeProblem(
+        FacadeProblem(year, facade, Goal(RULES, "film")), required(year, "sDA", 50.0), share
+    )
+    x = problem.start.copy()
+    x[-2:] = 0.4, 0.05
+    given = problem.facade.given(problem.start_towards(x))
+    assert given["dwr"] == 0
+    assert given["position"] == pytest.approx(0.05)
+    assert problem.named(x)["position"] == pytest.approx(0.05)
+
+
 def test_a_façade_of_two_windows_is_no_window(year):
     panes = Panes(year.tiles, year.materials, "glass", "film")
     parameters = (Parameter(key, 0.0, 1.0, 0.5) for key in ("wwr", "dwr", "position"))

@@ -8,7 +8,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import xarray as xr
 
+from drcmitsuba.case.groups import GroupStates
+from drcmitsuba.case.schedule import Schedule
 from drcmitsuba.model.materials import GlazingMaterial, Lambertian
 from drcmitsuba.report.document import record, spaces, tables
 from drcmitsuba.report.document.charts import _runs
@@ -161,3 +164,18 @@ def test_what_was_asked_has_transmittances_and_both_sides_of_a_wall():
     facade = SimpleNamespace(case=case)
     assert tables._reflectances(facade) == "ceiling 0.7, floor 0.2 / 0.3 / 0.4"
     assert tables._materials(facade) == "glass (glazing, transmittance 0.07), film (bsdf)"
+
+
+def test_groups_that_follow_a_schedule_are_named_beside_the_rule_of_the_others():
+    groups = GroupStates(("south", "east"), (("open", "cloth"), ("open", "cloth")))
+    attributes = {"has_shade": 1, "shade_threshold": 1000.0, "shade_area": 0.02}
+    attributes |= groups.attributes()
+    closed = np.ones(8760, int)
+    words = "closes where 1000 lx of direct sun reach 2 % of the points"
+    for given, told in (
+        ({}, words),
+        ({0: closed}, f"{words}; south: follows a schedule"),
+        ({0: closed, 1: closed}, "follows a schedule"),
+    ):
+        E = xr.Dataset(attrs=attributes | Schedule(given, 2).attributes())
+        assert tables._shading(SimpleNamespace(illuminance=E)) == told

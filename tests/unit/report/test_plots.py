@@ -155,6 +155,16 @@ def test_one_sensor(tmp_path):
     assert imread(plots.save(figure, tmp_path / "one.png"))[..., :3].std() > 0.02
 
 
+def test_values_of_sensors_that_do_not_face_up_are_legible_on_paper():
+    E = sensors([1.0, 2.5], [1.0, 1.0], [100.0, 900.0])
+    for axis, part in {"nx": 1.0, "ny": 0.0, "nz": 0.0}.items():
+        E = E.assign_coords({axis: ("sensor", [part] * 2)})
+    written = {t.get_text(): t for t in plots.plan(E).axes[0].texts}
+    for number in ("100", "900"):
+        assert written[number].get_color() == style.INK
+        assert written[number].get_path_effects()
+
+
 def test_colour_scale():
     E = grid(5, 7)
     own = LogNorm(200, 900)

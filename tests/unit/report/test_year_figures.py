@@ -12,8 +12,9 @@ from drcmitsuba.report import glare_plots, plots
 from drcmitsuba.report.section import sensors_along, through_middle
 from drcmitsuba.report.sun_path import radius
 from drcmitsuba.report.temporal_map import day_by_hour
-from drcmitsuba.report.year_figures import sensors_near, site_of, year_figures
+from drcmitsuba.report.year_figures import positions_of, site_of, year_figures
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene.nearest_sensors import nearest_sensors
 from drcmitsuba.sky.weather import Site
 from tests.unit.report.test_figures import case_of, said, year_of
 from tests.unit.report.test_plots import grid, sensors
@@ -77,6 +78,14 @@ def test_half_hours_have_cells_of_their_own_and_gaps_stay_blank():
     assert ax.images[0].get_extent() == [0, 2, 8, 10]
     assert [text.get_text() for text in ax.get_xticklabels()] == ["1 Mar", "3 Mar"]
     assert said(ax.figure).count("illuminance [lx]") == 1
+
+
+def test_irregular_stamps_have_cells_that_are_seen():
+    values = of_time([1, 2, 3], hours("2015-03-01T09:07", "2015-03-01T12:30", "2015-03-02T15:00"))
+    _, minutes, cells = day_by_hour(values)
+    assert (np.isfinite(cells).sum(axis=0) * (minutes[1] - minutes[0])).tolist() == [120, 60]
+    assert minutes[0] == 9 * 60 + 7
+    assert minutes[-1] + 1 == 16 * 60
 
 
 def test_values_beyond_a_scale_take_the_colour_of_its_end_and_the_bar_says_so():
@@ -255,9 +264,10 @@ def test_an_evaluation_gets_pictures_that_name_case_place_period_and_metric():
 
 def test_points_far_from_sensors_and_places_off_the_earth_are_refused():
     _, E, _ = illuminance_of_a_year()
-    assert sensors_near(E, [(0.7, 0.7), (0.8, 0.7), (2.2, 1.3)]) == [0, 9]
+    at = positions_of(E)
+    assert nearest_sensors(at, [(0.7, 0.7), (0.8, 0.7), (2.2, 1.3)], "x") == [0, 9]
     with pytest.raises(InputError, match=r"no sensor within 1 m of 40, 0.*one is at 3.25, "):
-        sensors_near(E, [(40.0, 0.0)])
+        nearest_sensors(at, [(40.0, 0.0)], "x")
     with pytest.raises(InputError, match="latitude: 91"):
         site_of("x", E.assign_attrs(latitude=91.0))
     assert site_of("x", E.drop_attrs()) is None
@@ -270,3 +280,21 @@ def test_a_single_sensor_and_sensors_of_a_wall_have_neither_mountain_nor_section
     wall = E.isel(sensor=[0, 1, 2]).assign_coords(upright)
     for few in (E.isel(sensor=[3]), wall):
         assert sorted(year_figures(case, few, numbers)) == ["illuminance_year.png", "sun_path.png"]
+
+
+def test_each_storey_has_a_section_of_its_own():
+    case, E, numbers = illuminance_of_a_year()
+    heights = (("sensor", np.full(E.sizes["sensor"], z)) for z in (0.8, 3.8))
+    lower, upper = (E.assign_coords(z=z) for z in heights)
+    both = xr.concat([lower, upper.assign(total=2 * E["total"])], "sensor", data_vars="minimal")
+    x, y = (E[axis].values for axis in "xy")
+    line = ((x[2], y.min()), (x[2], y.max()))
+    drawn = year_figures(case, both, numbers, points=[(x[7], y[7], 3.8)], line=line)
+    assert f"illuminance_year_{len(x) + 7}.png" in drawn
+    one = E["total"].mean("time")[np.flatnonzero(x == x[2])]
+    for k, factor in ((1, 1), (2, 2)):
+        figure = drawn[f"illuminance_section_{k}.png"]
+        np.testing.assert_allclose(figure.axes[0].lines[0].get_ydata(), factor * one)
+        assert f"plan {k} of 2" in said(figure)
+    with pytest.raises(InputError, match="no sensor from"):
+        year_figures(case, both, numbers, line=((90.0, 0.0), (91.0, 0.0)))

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
-from drcmitsuba.case.case import Case
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.scene.prepared_case import prepared
 
 MOST_POINTS = 24
 """Largest number of points."""
@@ -16,28 +15,30 @@ NEAR = 1.0
 """Largest distance from a point to its nearest sensor [m]."""
 
 
-def nearest_sensors(case: Case, points: Sequence[Sequence[float]]) -> list[int]:
+def nearest_sensors(
+    at: np.ndarray, points: Sequence[Sequence[float]], source: Path | str
+) -> list[int]:
     """Numbers of the sensors nearest to points (x, y) or (x, y, z) [m], each once.
+
+    `at` are all sensors [m], shape (sensor, 2 or 3); errors name the `source` of the points.
 
     Raises
     ------
     InputError
-        No point, too many of them, or one that is far from all sensors.
+        Too many points, or one that is far from all sensors.
     """
-    known = prepared(case).receivers.coordinates
-    at, chosen = np.stack([known[axis].values for axis in "xyz"], axis=1), []
-    if not 0 < len(points) <= MOST_POINTS:
-        got = f"{len(points)} points"
-        raise InputError(case.source, "points", got, f"give 1 to {MOST_POINTS} of them")
-    for point in points:
-        if len(point) not in (2, 3) or not np.isfinite(point).all():
+    chosen = []
+    if len(points) > MOST_POINTS:
+        raise InputError(source, "points", f"{len(points)}", f"give at most {MOST_POINTS}")
+    for point in (tuple(p)[: at.shape[1]] for p in points):
+        if len(point) < 2 or not np.isfinite(point).all():
             got = ", ".join(f"{v:g}" for v in point)
-            raise InputError(case.source, "points", got, "give x,y or x,y,z in metres")
+            raise InputError(source, "points", got, "give x,y or x,y,z in metres")
         away = np.linalg.norm(at[:, : len(point)] - point, axis=1)
         sensor = int(away.argmin())
         if away[sensor] > NEAR:
             near = ", ".join(f"{v:g}" for v in at[sensor].round(3))
             got = f"no sensor within {NEAR:g} m of {', '.join(f'{v:g}' for v in point)}"
-            raise InputError(case.source, "points", got, f"the nearest one is at {near}")
+            raise InputError(source, "points", got, f"the nearest one is at {near}")
         chosen.append(sensor)
     return [*dict.fromkeys(chosen)]
