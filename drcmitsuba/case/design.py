@@ -87,8 +87,8 @@ class Design(Table):
     """Largest share of the occupied hours with daylight in which DGP exceeds 0.40 at any view of
     the case, shade applied [%]; default: no limit."""
     starts: Annotated[int, Field(ge=1, le=1000)] = 1
-    """Number of starts: the case's own façade, then random ones; the best of what is known is one
-    more. One or two free values are swept instead."""
+    """Number of starts: half of each range, then random ones; the best of the case's own façade and
+    of plain ones is one more. One or two free values are swept instead."""
     pareto: Annotated[int, Field(ge=0, le=100)] = 8
     """Number of limits of ASE on the Pareto front; 0 computes no front."""
     sharpness: Annotated[

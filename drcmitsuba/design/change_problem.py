@@ -161,9 +161,7 @@ class ChangeProblem:
     @cached_property
     def start(self) -> np.ndarray:
         """Free values of the façade as it is, fractions of their ranges, shape (free,)."""
-        values = self.values_now
-        parts = [(values[p.key] - p.low) / (p.high - p.low) for p in self.facade.free]
-        return np.clip(np.concatenate(parts), 0.0, 1.0)
+        return self.facade.of_values(self.values_now)
 
     def start_towards(self, x: np.ndarray) -> np.ndarray:
         """Values of the façade as it is, shape (free,), taken from x where they change nothing.

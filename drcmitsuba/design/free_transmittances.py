@@ -29,8 +29,9 @@ def free_transmittances(case: Case, design: Design, clear: Sequence[str]) -> tup
     Raises
     ------
     InputError
-        A material is no glazing or diffuser whose light is proportional to its transmittance, or
-        the largest one and its reflectance exceed 1 together.
+        A material is no glazing or diffuser whose light is proportional to its transmittance, the
+        largest one and its reflectance exceed 1 together, or a component has the material, too:
+        its light is not of the façade.
     """
     shade = () if case.shading is None else (case.shading.material,)
     named = (
@@ -45,6 +46,7 @@ def free_transmittances(case: Case, design: Design, clear: Sequence[str]) -> tup
         if not names:
             got = "no shade: its transmittance is not known"
             raise InputError(case.source, field, got, "add [shading] with its material")
+        _refuse_in_components(case, field, names)
         now = {name: _transmittance(case, field, name, limits[1]) for name in names}
         start = float(np.clip(next(iter(now.values())), *limits))
         factors.append(Factor(now, Parameter(key, *limits, start)))
@@ -62,6 +64,16 @@ def with_transmittances(
             table |= {"transmittance": float(values[factor.parameter.key][0])}
             materials[name] = checked(type(materials[name]), table, case.source)
     return case.with_tables(materials=materials)
+
+
+def _refuse_in_components(case: Case, field: str, names: Sequence[str]) -> None:
+    """Refuse materials of components."""
+    for key, component in case.components.items():
+        for part in component.kinds:
+            if (name := getattr(component, part)) in names:
+                got = f"components.{shortened(key)}.{part} is {shortened(name)}, too"
+                remedy = "give it a material of its own, which may be alike"
+                raise InputError(case.source, field, got, remedy)
 
 
 def _transmittance(case: Case, field: str, name: str, most: float) -> float:

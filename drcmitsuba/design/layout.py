@@ -32,7 +32,7 @@ from drcmitsuba.model.materials import GlazingMaterial
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
-from drcmitsuba.runtime.toml import Side
+from drcmitsuba.runtime.toml import Side, shortened
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.tiled_facades import TiledFacades, refuse_structures_in_strips
 from drcmitsuba.sky.daylight import Daylight
@@ -125,15 +125,22 @@ class Layout:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Say where the band holds less than the largest share of windows that is asked for."""
-        asked = self.design.wwr
-        if asked == "fixed" or asked[1] <= self.wwr[1] + 1e-9:
-            return ()
-        low, high = self.band
-        return (
-            f"design.wwr: {asked[1]:g} is asked for at most, and the band from {low:g} to {high:g} "
-            f"m holds {self.wwr[1]:.3g}; a wider band holds more",
-        )
+        """Say what of the façade the search does not keep, and where the band cuts its windows."""
+        asked, (low, high), notes = self.design.wwr, self.band, list[str]()
+        for strip in self.case.facade.get(self.side, Facade()).strips:
+            where = f"facade.{self.side}: {shortened(strip.material)}, {strip.bottom:g} to "
+            where += f"{strip.top:g} m, does not stay"
+            apart = present_facade.APART
+            if strip.bottom < low - apart or strip.top > high + apart:
+                notes.append(f"{where}: beyond the band from {low:g} to {high:g} m all is wall")
+            elif strip.material not in ("wall", self.clear, self.film):
+                notes.append(f"{where}: tiles are wall, {self.clear} or {self.film}")
+        if asked != "fixed" and asked[1] > self.wwr[1] + 1e-9:
+            notes.append(
+                f"design.wwr: {asked[1]:g} is asked for at most, and the band from {low:g} to "
+                f"{high:g} m holds {self.wwr[1]:.3g}; a wider band holds more"
+            )
+        return tuple(notes)
 
     @property
     def heights(self) -> np.ndarray:
@@ -276,20 +283,24 @@ class Layout:
     def known(self, problem: FacadeProblem) -> list[np.ndarray]:
         """Designs that are evaluated first, so that no search ends below them.
 
-        Single tiles: a film nowhere, everywhere, above, below and in the middle. A window given by
-        few numbers: a coarse grid of these numbers.
+        The façade as it is, as far as its panes are those of the search. Single tiles: a film
+        nowhere, everywhere, above, below and in the middle. A window given by few numbers: a coarse
+        grid of these numbers.
 
         Returns
         -------
         list of np.ndarray, shape (free,)
             Free values as fractions of their ranges, 0 to 1.
         """
+        tiles, materials = problem.year.tiles, problem.year.materials
+        share = present_facade.shares(self.case, self.side, tiles, materials)
+        own = problem.of_values(problem.facade.values_of(share))
         if self.design.parameters == "window":
             grid = np.linspace(0, 1, 3 if problem.size == 3 else 0)
-            return [np.array(x) for x in product(grid, repeat=problem.size)]
+            return [own, *(np.array(x) for x in product(grid, repeat=problem.size))]
         bottom, top = problem.year.tiles.bounds[:, 2:].T
         at = ((bottom + top) / 2 - self.band[0]) / (self.band[1] - self.band[0])
-        return problem.films_by_height(at)
+        return [own, *problem.films_by_height(at)]
 
     def _strips(self, panes: Panes, part: float) -> Map:
         """Map of single tiles; `part` of the band is window, all of it if 1."""

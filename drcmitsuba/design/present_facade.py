@@ -13,6 +13,8 @@ from drcmitsuba.scene.facade_rectangles import fill_at
 
 APART = 1e-3
 """Least distance of two edges of tiles [m]."""
+POINTS = 64
+"""Number of points along each edge of a tile, by which its shares are counted."""
 
 
 def heights(
@@ -69,3 +71,19 @@ def composition(case: Case, side: Side, tiles: Tiles, materials: tuple[str, ...]
     left, right, bottom, top = tiles.bounds.T
     names = fill_at(facade, length, (left + right) / 2, (bottom + top) / 2)
     return (names[:, None] == np.array(materials)).astype(float)
+
+
+def shares(case: Case, side: Side, tiles: Tiles, materials: tuple[str, ...]) -> np.ndarray:
+    """Composition of any tiles as the façade is, shape (tile, material), by points within each.
+
+    What is none of the materials counts as wall, the first one.
+    """
+    assert case.room is not None
+    facade, length = case.facade.get(side, Facade()), case.room.wall(side)[0]
+    left, right, bottom, top = tiles.bounds.T[..., None, None]
+    u, v = (np.arange(POINTS) + 0.5) / POINTS, (np.arange(POINTS) + 0.5)[:, None] / POINTS
+    x, z = np.broadcast_arrays(left + u * (right - left), bottom + v * (top - bottom))
+    names = fill_at(facade, length, x.ravel(), z.ravel()).reshape(len(left), -1, 1)
+    share = (names == np.array(materials)).mean(axis=1)
+    share[:, 0] += 1 - share.sum(axis=1)
+    return np.asarray(share)

@@ -228,6 +228,17 @@ class FacadeProblem(RatedProblem):
             [np.full(p.count, fractions.get(p.key, p.start_fraction)) for p in self.free]
         )
 
+    def of_values(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Design (free,) of values in their own units by key; others are those of the start."""
+        parts = [
+            np.broadcast_to(
+                (values[p.key] - p.low) / (p.high - p.low) if p.key in values else p.start_fraction,
+                p.count,
+            )
+            for p in self.free
+        ]
+        return np.clip(np.concatenate(parts), 0.0, 1.0)
+
     def named(self, x: np.ndarray) -> dict[str, np.ndarray]:
         """Values of all parameters as drawn, in their own units, each of shape (count,)."""
         return self.facade.drawn(self.given(x))

@@ -139,6 +139,49 @@ def test_turned_transmittances_are_simulated_afresh(run, case, tmp_path):
     assert materials["glass"]["transmittance"] == 0.65
 
 
+def test_a_search_knows_the_façade_as_it_is_and_says_what_does_not_stay(run, case, tmp_path):
+    strips = [
+        {"bottom": 0.9, "top": 1.5, "material": "glass"},
+        {"bottom": 1.5, "top": 2.1, "material": "film"},
+        {"bottom": 2.1, "top": 2.4, "material": "milk"},
+        {"bottom": 2.8, "top": 2.9, "material": "glass"},
+    ]
+    strips = ", ".join(
+        "{" + ", ".join(f"{k} = {json.dumps(v)}" for k, v in s.items()) + "}" for s in strips
+    )
+    drawn = '{ bottom = 0.9, top = 2.7, material = "glass" }'
+    milk = '[materials.milk]\ntype = "diffuser"\ntransmittance = 0.3\n[materials.shade]'
+    text = SHORT.replace(drawn, strips).replace("[materials.shade]", milk)
+    case.write_text(text + 'parameters = "strips"\nband = [0.9, 2.7]\nsegments = 1\n')
+    code, out, _ = run("optimise", case, "-o", tmp_path / "d")
+    assert code == 0
+    assert '"milk", 2.1 to 2.4 m, does not stay: tiles are wall, glass or film' in out
+    assert '"glass", 2.8 to 2.9 m, does not stay: beyond the band from 0.9 to 2.7 m' in out
+    known = pd.read_csv(tmp_path / "d" / "history.csv").iloc[0]
+    shares = [known[f"{key}_{k}"] for key in ("window", "film") for k in range(3)]
+    assert shares == pytest.approx([1, 1, 0, 0, 1, 0], abs=1e-3)
+
+
+def test_a_free_material_of_a_component_is_refused_in_one_line(run, case, tmp_path):
+    pipe = """
+    [components.pipe]
+    type = "lightpipe"
+    centre = [2.5, 2.5]
+    width = 0.5
+    height = 0.6
+    mirror = "silver"
+    top = "glass"
+    [materials.silver]
+    type = "mirror"
+    reflectance = 0.95
+    """
+    case.write_text(SHORT + "glazing_transmittance = [0.3, 0.7]\n" + pipe)
+    code, _, err = run("optimise", case, "-o", tmp_path / "d")
+    assert code == 2
+    assert err.strip().endswith('design.glazing_transmittance: components."pipe".top is "glass", '
+                                "too; give it a material of its own, which may be alike")  # fmt: skip
+
+
 def test_a_case_without_design_ends_with_one_line(run, case, tmp_path):
     case.write_text(CASE[: CASE.index("[design]")])
     code, _, err = run("optimise", case, "-o", tmp_path / "d")
