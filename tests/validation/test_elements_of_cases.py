@@ -30,6 +30,9 @@ COLOURED = {"size": [4.0, 5.0, 3.0], "floor": [0.4, 0.2, 0.1], "walls": 0.6, "ce
 HOUSE = {"name": "house", "corner": [-3, -8, 0], "size": [10, 1, 6], "reflectance": 0.5}
 
 
+SOFFIT = {"name": "balcony", "corner": [0, -0.36, 3.0], "size": [4, 0.36, 0.1], "reflectance": 0.35}
+
+
 def strips(*materials):
     edges = np.linspace(0.9, 2.7, len(materials) + 1).round(3).tolist()
     rows = zip(edges, edges[1:], materials, strict=False)
@@ -91,9 +94,12 @@ def same_sums(same, ours, theirs, within, sun_within):
          {"furniture": [HOUSE]}),
         ({"south": strips("glass")}, ["film"], [{"glass (south)": "film"}], {"furniture": [HOUSE]}),
         ({"south": strips("glass")}, ["cloth"], [{"glass (south)": "cloth"}], {"room": COLOURED}),
+        # No cell lies on the ceiling and on the soffit that goes on from it.
+        ({"south": {"strips": [{"bottom": 0.9, "top": 2.95, "material": "film"}]}}, ["opal"],
+         [{}, {"film (south)": "opal"}], {"furniture": [SOFFIT]}),
     ],
     ids=["box", "film", "film beside glass", "two sides", "house opposite", "film and house",
-         "coloured"],
+         "coloured", "soffit"],
 )  # fmt: skip
 def test_choices_are_simulations(same, facade, fills, choices, tables):
     one = case(facade, **tables)

@@ -21,7 +21,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices, marked
 from drcmitsuba.scene.materials import is_diffuse
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.cells.lines import ASIDE, STEPS, Cuts, cuts, planes, standing
+from drcmitsuba.transport.cells.lines import ASIDE, STEPS, Cuts, adjoined, cuts, planes, standing
 from drcmitsuba.transport.cells.vertices import Vertices
 
 MAX_KEYS = 1 << 26
@@ -46,10 +46,15 @@ def furniture(scene: Scene) -> np.ndarray:
     They are in the frame along most walls; there are none where nothing bounds the rooms.
     """
     bounds = _bounds_of_rooms(scene)
-    quads = [p.quads for p in scene.parts if is_diffuse(p.material) or not p.component]
-    if bounds is None or not quads:
+    if bounds is None:
         return np.zeros((0, 4, 3))
-    return standing(scene.along_walls(np.concatenate(quads)), *bounds)
+    return standing(_surfaces(scene), *bounds)
+
+
+def _surfaces(scene: Scene) -> np.ndarray:
+    """Quads (quad, 4, 3) of diffuse surfaces and panes along most walls [m]."""
+    quads = [p.quads for p in scene.parts if is_diffuse(p.material) or not p.component]
+    return scene.along_walls(np.concatenate([*quads, np.zeros((0, 4, 3))]))
 
 
 @dataclass(frozen=True)
@@ -107,9 +112,13 @@ class CellGrid:
         return replace(grid, low=(x, y, z), count=count, heading=scene.heading)._cut(scene)
 
     def _cut(self, scene: Scene) -> CellGrid:
-        """Grid whose cubes end where surfaces stand in the rooms."""
-        quads, bounds = furniture(scene), _bounds_of_rooms(scene)
-        if bounds is None or not len(quads):
+        """Grid whose cubes end where surfaces stand in rooms, and at bounds that others adjoin."""
+        bounds = _bounds_of_rooms(scene)
+        if bounds is None:
+            return self
+        both = planes(furniture(scene)), adjoined(_surfaces(scene), bounds, self.size)
+        of_axes = [np.concatenate(of_axis) for of_axis in zip(*both, strict=True)]
+        if not any(map(len, of_axes)):
             return self
         low, extent = np.array(self.low), np.ptp(bounds, axis=0)
         if self.near is not None:
@@ -117,9 +126,7 @@ class CellGrid:
         sections = extent.prod() / extent
         x, y, z = (
             cuts(plane, float(start), count, self.size, float(section))
-            for plane, start, count, section in zip(
-                planes(quads), low, self.count, sections, strict=True
-            )
+            for plane, start, count, section in zip(of_axes, low, self.count, sections, strict=True)
         )
         finer = replace(self, cuts=(x, y, z))
         nx, ny, nz = (

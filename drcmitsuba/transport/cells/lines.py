@@ -85,6 +85,26 @@ def planes(quads: np.ndarray) -> list[np.ndarray]:
     return out
 
 
+def adjoined(quads: np.ndarray, bounds: np.ndarray, near: float) -> list[np.ndarray]:
+    """Planes of a room's bounds (2, 3) [m] that quads (quad, 4, 3) outside adjoin, as `planes`.
+
+    The soffit of a balcony goes on where a ceiling ends: no cell may lie on both. Quads adjoin a
+    wall that they stand beyond, less than `near` [m] away.
+    """
+    first, last, extent = quads.min(axis=1), quads.max(axis=1), np.ptp(bounds, axis=0)
+    out = []
+    for axis in range(3):
+        across = np.arange(3) != axis
+        beside = (first < bounds[1] + near) & (last > bounds[0] - near)
+        beside = beside[:, across].all(axis=1)
+        (low, high), section = bounds[:, axis], extent.prod() / extent[axis]
+        below = (first[:, axis] < low - AT_BOUNDS) & (last[:, axis] > low - near)
+        above = (last[:, axis] > high + AT_BOUNDS) & (first[:, axis] < high + near)
+        ends = [end for end, some in ((low, below), (high, above)) if (some & beside).any()]
+        out.append(np.array([(end, section) for end in ends]).reshape(-1, 2))
+    return out
+
+
 def cuts(
     plane: np.ndarray, start: float, count: int, size: float, section: float = np.inf
 ) -> Cuts | None:

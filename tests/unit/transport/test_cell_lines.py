@@ -1,5 +1,7 @@
 """Cells end where furniture stands, and no light crosses a thin screen within a cell."""
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 import pytest
 
@@ -7,12 +9,16 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.model.materials import DiffuserMaterial, Lambertian
 from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
-from drcmitsuba.scene.geometry import heading, origin, rotation, turn
+from drcmitsuba.scene.geometry import heading, origin, turn
+from drcmitsuba.scene.geometry import rotation as rotation_of
 from drcmitsuba.scene.surfaces import bounds_of_rooms
 from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport.cells.cells import CellGrid, Cells
 from drcmitsuba.transport.cells.lines import STEPS, cuts, planes, standing
+from drcmitsuba.transport.cells.vertices import Vertices
 from drcmitsuba.transport.coefficients import compute
 from tests.model_rooms import GLASS, case_of, layer, prism
 
@@ -56,6 +62,67 @@ def test_only_what_stands_apart_from_the_bounds_counts():
     assert x == pytest.approx(np.array([[1.5, 1.0]]))
     assert not len(y)
     assert not len(z)
+
+
+def balcony(corner, size, rotation=0.0):
+    """A room with a body before its open southern side."""
+    return Case.model_validate({
+        "room": {"size": [4.0, 4.0, 2.8], "rotation": rotation},
+        "facade": {"south": {"strips": [{"bottom": 0.3, "top": 2.7, "material": "open"}]}},
+        "furniture": [{"corner": corner, "size": size}],
+        "sensors": {"points": [[2, 2, 1]]},
+    })  # fmt: skip
+
+
+SOFFIT = ([0.0, -0.9, 2.8], [4.0, 0.9, 0.1])
+
+
+def model_of_balcony(corner, size, rotation=0.0):
+    """The same room as a model, the body in its surroundings."""
+    low, high, walls = prism([(0, 0), (4, 0), (4, 4), (0, 4)], 2.8)
+    (x, y, z), (dx, dy, dz) = corner, size
+    under, top, sides = prism([(x, y), (x + dx, y), (x + dx, y + dy), (x, y + dy)], dz)
+    body = [np.add(face[::-1], [0, 0, z]) for face in map(np.array, (under, top, *sides))]
+    return case_of(
+        layer("floor", Lambertian(0.3), low),
+        layer("ceiling", Lambertian(0.8), high),
+        layer("walls", Lambertian(0.5), *walls[1:]),
+        layer("glass", GLASS, walls[0]),
+        layer("body", Lambertian(0.4), *body, role="context"),
+        north=-rotation,
+        sensors={"points": [[2, 2, 1]]},
+    )
+
+
+@pytest.mark.parametrize("drawn", [balcony, model_of_balcony])
+@pytest.mark.parametrize("rotation", [0, 30])
+@pytest.mark.parametrize(
+    ("corner", "size", "z", "n"),
+    [(*SOFFIT, 2.8, -1), ([0.0, -0.9, -0.1], [4.0, 0.9, 0.1], 0.0, 1)],
+    ids=["soffit", "floor"],
+)
+def test_no_cell_lies_within_a_room_and_outside(drawn, rotation, corner, size, z, n):
+    backend.select()
+    case = drawn(corner, size, rotation)
+    grid = CellGrid.of(scene.load(case), 0.45)
+    at = (np.array([[2, -0.01, z], [2, 0.01, z]]) - origin(case)) @ rotation_of(case).T
+    key, one = grid.key(mi.Point3f(at.T), mi.Normal3f([0, 0, n])), dr.ones(mi.Float, 2)
+    assert len(np.unique(key.numpy())) == 2
+    none, place = dr.zeros(mi.UInt32, 2), flat(at)
+    cells = Cells.none(grid).extended(Vertices(none, one, key, none, place, place))
+    assert cells.flat_blocks(9)[1] == 2
+
+
+def test_cells_stay_where_nothing_outside_adjoins_the_room():
+    backend.select()
+    near, far, none = (
+        CellGrid.of(scene.load(balcony(corner, size)), 0.45).cuts
+        for corner, size in (SOFFIT, ([0, -9, 0], [4, 1, 5]), ([1, 1, 1], [1, 1, 1e-3]))
+    )
+    assert near[1] is not None
+    assert near[0] is None
+    assert far == (None, None, None)
+    assert none[1] is not None  # furniture
 
 
 def screened(thickness, turned, rotation=0.0):
@@ -112,7 +179,7 @@ def light_of_halves(case, points):
     """Light of points of the case on both sides of a screen, (side, replicate, point) [sr]."""
     backend.select()
     world = scene.load(case, effects=EnabledEffects(solved_cells=True, beyond=False))
-    points = (points - origin(case)) @ rotation(case).T
+    points = (points - origin(case)) @ rotation_of(case).T
     normals = np.tile([0.0, 0.0, 1.0], (len(points), 1))
     C = compute(world, points, normals, Suns.none(), Accuracy(paths=64, replicates=2))
     return C["replicates"].sum("bin").values.reshape(2, 2, -1).swapaxes(0, 1)

@@ -7,30 +7,35 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Callable
 
 import numpy as np
 
-from drcmitsuba.case.case import Case
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
-from tests.validation.fuzz.agreement import compared
+from tests.validation.fuzz.agreement import Sample, compared, planned
 from tests.validation.fuzz.boxes import random_box
 from tests.validation.fuzz.buildings import random_building
+from tests.validation.fuzz.choices import random_choice
 
-KINDS = {"box": random_box, "building": random_building}
-"""Function that draws a case, by kind."""
+KINDS: dict[str, Callable[[np.random.Generator], Sample]] = {
+    "box": lambda rng: planned(random_box(rng)),
+    "building": lambda rng: planned(random_building(rng)),
+    "choice": random_choice,
+}
+"""Function that draws a sample, by kind."""
 HEAD = "| case | source | deviation of the sum | worst sensor | probability | |"
 
 
-def drawn(kind: str, seed: int) -> Case:
-    """Case of a kind and a seed, the same on every machine."""
+def drawn(kind: str, seed: int) -> Sample:
+    """Sample of a kind and a seed, the same on every machine."""
     return KINDS[kind](np.random.default_rng([seed, list(KINDS).index(kind)]))
 
 
 def main() -> int:
     """Compare, and say what is wrong."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--kinds", default=",".join(KINDS), help="box, building, or both")
+    parser.add_argument("--kinds", default=",".join(KINDS), help="box, building, choice, or some")
     parser.add_argument("--seeds", type=int, nargs=2, default=(0, 20), metavar=("FIRST", "END"))
     parser.add_argument("--paths", type=int, default=1024, help="paths from a sensor, of 16 runs")
     parser.add_argument("--minutes", type=float, default=30.0, help="no case begins after them")

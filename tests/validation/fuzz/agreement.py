@@ -1,7 +1,8 @@
-"""Light on the sensors of a case by its plan, beside that of the path tracer."""
+"""Light on the sensors of a case beside that of the path tracer."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -54,21 +55,46 @@ class Agreement:
         return of_sum or (self.p_worst < LEVEL and abs(self.worst) > BIAS_OF_SENSOR)
 
 
-def compared(case: Case, paths: int) -> list[Agreement]:
+@dataclass(frozen=True)
+class Sample:
+    """A case as the path tracer has it, and the light on its sensors by another way."""
+
+    case: Case
+    suns: Suns
+    light: Callable[[], np.ndarray]
+    """Function that computes coefficients [sr], shape (replicate, sensor, bin)."""
+
+
+def planned(case: Case) -> Sample:
+    """Light of a case by its plan."""
+    some = Suns(tuple(f"sun_{i}" for i in range(10)), around(), WIDE)
+    case = with_replicates(case)
+
+    def light() -> np.ndarray:
+        scope = replace(plan(case, daylight(case)).scope, suns=True, sun_visibility=None)
+        C = simulation.transport(case, "open", some, 46.0, run=Run.of(case, scope))
+        return np.asarray(C["replicates"].values)
+
+    return Sample(case, some, light)
+
+
+def with_replicates(case: Case) -> Case:
+    """The case with `REPLICATES`, by which its light is judged."""
+    own = case.accuracy.model_copy(update={"replicates": REPLICATES})
+    return case.with_tables(accuracy=own)
+
+
+def compared(sample: Sample, paths: int) -> list[Agreement]:
     """Compare the light of each source that shines in.
 
     `paths` is the number of paths of the path tracer from a sensor in each of its runs.
     """
-    some, chosen = Suns(tuple(f"sun_{i}" for i in range(10)), around(), WIDE), daylight(case)
-    effects = replace(plan(case, chosen).scope, suns=True, sun_visibility=None)
-    own = case.accuracy.model_copy(update={"replicates": REPLICATES})
-    case = case.with_tables(accuracy=own)
-    C = simulation.transport(case, "open", some, 46.0, run=Run.of(case, effects))
-    points, normals = sensor_points(case)
-    theirs = by_paths(Room(case, WIDE), some, points, normals, paths).sum(axis=1)[:, 0]
-    rows = []
+    points, normals = sensor_points(sample.case)
+    room = Room(sample.case, WIDE)
+    ours, rows = sample.light(), []
+    theirs = by_paths(room, sample.suns, points, normals, paths).sum(axis=1)[:, 0]
     for source, bins in PARTS.items():
-        a, b = C["replicates"].values[..., bins].sum(axis=2), theirs[..., bins].sum(axis=2)
+        a, b = ours[..., bins].sum(axis=2), theirs[..., bins].sum(axis=2)
         if b.sum() > 0 or a.sum() > 0:
             rows.append(agreement(source, a, b))
     return rows
