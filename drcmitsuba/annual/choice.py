@@ -124,10 +124,16 @@ def _by_hour(
     if "time" not in given.dims or not set(given.dims) <= {"time", "fill"}:
         got = f"an array with dims {', '.join(map(str, given.dims)) or 'of none'}"
         raise InputError("choice", opening, got, "give the dim time, and fill for shares")
-    given = given.sortby("time") if "time" in given.coords else given
-    known = given["time"].values if "time" in given.coords else time[: given.sizes["time"]]
+    if "time" in given.coords:
+        given = given.sortby("time")
+        known = given["time"].values
+    elif given.sizes["time"] == len(time):
+        known = time
+    else:
+        got = f"{given.sizes['time']} entries without time stamps, the period has {len(time)}"
+        raise InputError("choice", opening, got, "give the coordinate time")
     at = np.minimum(np.searchsorted(known, time), len(known) - 1)
-    if len(known) != given.sizes["time"] or (known[at] != time).any():
+    if (known[at] != time).any():
         missing = np.datetime_as_string(time[np.argmax(known[at] != time)], unit="m")
         got, remedy = f"no fill at {missing}", "name one for every time stamp"
         raise InputError("choice", opening, got, remedy)

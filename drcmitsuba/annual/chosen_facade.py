@@ -125,6 +125,8 @@ class ChosenFacade:
     """Light in the case's daylight, where it is known."""
     factors: np.ndarray | float = 1.0
     """Factors of the light by every element, shape (element,)."""
+    sky: xr.Dataset | None = None
+    """Hours and their suns, where fills are chosen by the hour."""
 
     @classmethod
     def of(
@@ -132,6 +134,7 @@ class ChosenFacade:
         marked: Mapping[str, Any], time: xr.DataArray, chosen: ChosenFills,
         drawn: Mapping[int, np.ndarray], members: Mapping[int, Member] | None = None,
         light: KnownLight | None = None, factors: np.ndarray | float = 1.0,
+        sky: xr.Dataset | None = None,
     ) -> ChosenFacade:  # fmt: skip
         """Put a choice on a case, whose C has the attributes `marked`.
 
@@ -153,7 +156,8 @@ class ChosenFacade:
             marked |= moving.states.attributes() | moving.schedule.attributes()
         tables = [group.parts for group in moving.groups]
         marked["fingerprint"] = str(content_key(marked["fingerprint"], still * factors, tables))
-        return cls(case, panes.states, channels, still, moving, marked, light, factors)
+        sky = sky if chosen.hourly else None
+        return cls(case, panes.states, channels, still, moving, marked, light, factors, sky)
 
     def shares(self, indices: np.ndarray) -> np.ndarray:
         """Shares of all elements (…, element), from the state of every group (…, group)."""
@@ -165,11 +169,49 @@ class ChosenFacade:
         C = joined_channels([light.coefficients(shares) for light in self.channels])
         C = self._with_sensors(C)
         progress(1)
-        return self._with_group_of_sun(C, shares) if state == OPEN else C
+        if state != OPEN:
+            return C
+        C = self._with_group_of_sun(C, shares)
+        if self.sky is None:
+            return C
+        suns = np.arange(self.channels[0].sky_bins, len(self.channels[0].labels))
+        own = self.straight(suns)
+        rest = C[list(own.data_vars)].drop_sel(bin=own["bin"])
+        own = own.drop_vars(set(own.coords) - {"bin"})  # those of the sensors are in the rest
+        how: dict[str, Any] = {"join": "exact", "coords": "minimal", "compat": "override"}
+        by_hour = xr.concat([rest, own], "bin", **how)
+        return C.assign(dict(by_hour.data_vars))
 
     def straight(self, suns: np.ndarray) -> xr.Dataset:
-        """Straight part of C of the open state [sr], of some suns (sun,), positions among bins."""
-        shares, channels = self._shares_of(OPEN), []
+        """Straight part of C with all shades open [sr], of some suns (sun,), positions among bins.
+
+        Each sun comes through what a choice has in the hours that it stands for; where this
+        differs, in most of them.
+        """
+        rows, row = self._shares_at(suns)
+        parts = [self._straight(shares, suns[row == k]) for k, shares in enumerate(rows)]
+        if len(parts) == 1:
+            return parts[0]
+        labels = np.array(self.channels[0].labels, dtype=object)[suns]
+        return xr.concat(parts, "bin", join="exact").sel(bin=labels)
+
+    def _shares_at(self, suns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Different shares (row, element) with all shades open, and the row of every sun."""
+        if self.sky is None:
+            return self._shares_of(OPEN)[None], np.zeros(len(suns), int)
+        time, blend = self.sky["time"], blended(self.sky)
+        rows, of_hour = different_rows(self.shares(self.moving.drawn_at(time)), len(time))
+        names = {self.channels[0].labels[sun]: k for k, sun in enumerate(suns.tolist())}
+        count = np.zeros((len(suns), len(rows)))
+        for hour, which in zip(*np.nonzero(blend.weights > 0), strict=True):
+            if (sun := names.get(str(blend.bins[hour, which]))) is not None:
+                count[sun, of_hour[hour]] += blend.weights[hour, which]
+        row = count.argmax(axis=1)
+        used, row = np.unique(row, return_inverse=True)
+        return rows[used], row
+
+    def _straight(self, shares: np.ndarray, suns: np.ndarray) -> xr.Dataset:
+        channels = []
         labels = np.array(self.channels[0].labels, dtype=object)[suns]
         for each in self.channels:
             both = zip(("straight", "straight_se"), each.straight(shares, suns), strict=True)

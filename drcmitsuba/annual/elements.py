@@ -183,7 +183,7 @@ class Elements:
             light = light.alone()  # the choice knows no other hours
         facade = ChosenFacade.of(
             self.case, self.panes, self.channels, self._marked, light.sky["time"], chosen,
-            first.constant, light=self._light,
+            first.constant, light=self._light, sky=light.every.sky,
         )  # fmt: skip
         return facade, light
 

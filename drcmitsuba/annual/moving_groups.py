@@ -30,6 +30,8 @@ class MovingGroup:
     """Openings, each with the shares of its fills in every state, (state, fill)."""
     by_hour: np.ndarray | None = None
     """State in the hours of a year, int, (8760,); None where the rule of the shade tells it."""
+    is_chosen: bool = False
+    """Whether a choice names its fills, which then stand for what is drawn there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +57,14 @@ class MovingGroups:
         """States of the groups that have one for every hour."""
         by_hour = {k: g.by_hour for k, g in enumerate(self.groups) if g.by_hour is not None}
         return Schedule(by_hour, len(self.states) if self.groups else 0)
+
+    def drawn_at(self, time: xr.DataArray) -> np.ndarray:
+        """State of every group while all shades are open, int, (time, group): that of a choice."""
+        hour, out = hour_of_year(time), np.zeros((len(time), len(self.states)), int)
+        for k, group in enumerate(self.groups):
+            if group.is_chosen and group.by_hour is not None:
+                out[:, k] = group.by_hour[hour]
+        return out
 
     def number_of(self, opening: int) -> int:
         """Group of an opening."""
@@ -120,7 +130,9 @@ def moving_groups(
         moving = _of_shade(case, panes, rows, {**chosen.constant, **at_most})
     for g, mixtures in chosen.hourly.items():
         by_hour = _hours(names.names[g], mixtures, time)
-        moving.append(MovingGroup(names.names[g], mixtures.names, ((g, mixtures.shares),), by_hour))
+        name, taken = names.names[g], {group.name for group in moving}
+        name = f"{name} (by the hour)" if name in taken else name  # of the shade of a façade
+        moving.append(MovingGroup(name, mixtures.names, ((g, mixtures.shares),), by_hour, True))
     return MovingGroups(tuple(moving), names)
 
 

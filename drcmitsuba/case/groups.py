@@ -13,6 +13,7 @@ from itertools import accumulate
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field
 
 from drcmitsuba.runtime.errors import InputError
@@ -103,6 +104,14 @@ class GroupStates:
     def closable(self) -> tuple[bool, ...]:
         """Whether each group has more than one state."""
         return tuple(len(states) > 1 for states in self.states)
+
+    def share_closed(self, indices: np.ndarray) -> np.ndarray:
+        """Share of the closable groups that have left their first state, by `indices` (…, group).
+
+        It is 0 where none may close.
+        """
+        some = np.array(self.closable, bool)
+        return (indices[..., some] > 0).sum(axis=-1) / max(int(some.sum()), 1)
 
     @property
     def last(self) -> tuple[int, ...]:

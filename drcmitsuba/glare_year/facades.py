@@ -62,7 +62,9 @@ class FacadesOfCase:
         time = self.light.sky["time"]
         marked = attributes(self.case, self.light, self.run.enabled_effects)
         chosen = ChosenFills.of(self.fills, choice, time.values)
-        facade = ChosenFacade.of(self.case, self.panes, (), marked, time, chosen, {})
+        facade = ChosenFacade.of(
+            self.case, self.panes, (), marked, time, chosen, {}, sky=self.light.sky
+        )
         moving, out = facade.moving.states, dict[State, np.ndarray]()
         stamps = len(time)
         if not chosen.hourly:

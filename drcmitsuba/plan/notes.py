@@ -26,6 +26,8 @@ from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.spaces import box_and_note
 from drcmitsuba.scene.surfaces import surfaces_of
 
+SMALLEST_CELL = 1e-3
+"""Least size of a cell that a case may give [m]."""
 MOST_LOST = 1e-3
 """Part of the photons' flux that may be lost without a note."""
 MOST_SMEARED = 0.1
@@ -126,7 +128,7 @@ def _cell_notes(case: Case) -> list[str]:
     """Note on cells that are large beside the rooms, of which sensors then know little."""
     extent, size = extent_of_rooms(case), case.accuracy.cell_size
     least = np.inf if extent is None else float(extent.min())
-    if least >= 2 * size:
+    if least >= 2 * size or least / 5 < SMALLEST_CELL:
         return []
     return [
         f"accuracy.cell_size: cells of {size:g} m in rooms of {least:.2g} m: light of a cell is a "

@@ -77,11 +77,12 @@ class EnabledEffects:
     def to_dict(self) -> dict[str, Any]:
         """Plain values that coefficients C depend on, for their fingerprint.
 
-        Suns and the shade are left out: the weather decides on them, and suns or a state that
-        another weather needs are added to known coefficients.
+        Which suns light the room and the shade are left out: the weather decides on them, and suns
+        or a state that another weather needs are added to known coefficients. Where no sun shines
+        at all, known suns would be dark in another weather: such coefficients are their own.
         """
         values = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        for name in ("suns", "sun_visibility", "shade", "every_shade", "pictures"):
+        for name in ("sun_visibility", "shade", "every_shade", "pictures"):
             del values[name]
         return values
 

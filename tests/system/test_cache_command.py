@@ -55,6 +55,20 @@ def stored(monkeypatch):
     return blocks
 
 
+def test_blocks_of_weather_without_sun_lend_no_dark_suns(folder, tmp_path):
+    weather(folder / "dull.wea", 0.0)
+    text, results = (folder / "case.toml").read_text(), []
+    for name in ("dull", "one"):
+        path = tmp_path / f"{name}.toml"
+        path.write_text(text.replace('"one.wea"', f'"{folder}/{name}.wea"'))
+        results.append(drcmitsuba.evaluate(load_case(path), blocks=tmp_path / "cache"))
+    dull, sunny = (float(result.illuminance["direct_sun"].max()) for result in results)
+    assert dull == 0
+    assert sunny > 1000
+    with pytest.raises(drcmitsuba.InputError, match="computed for another case"):
+        drcmitsuba.evaluate(load_case(path), known=results[0].coefficients)
+
+
 @pytest.mark.parametrize(
     ("change", "computed"),
     [

@@ -111,6 +111,34 @@ def test_fills_by_the_hour_are_those_of_each_hour(light):
     np.testing.assert_allclose(result.illuminance["total"], E["total"], rtol=1e-3)
 
 
+@pytest.mark.parametrize("fill", ["glass", "opal", "hole", {"glass": 0.3, "hole": 0.7}])
+def test_a_fill_for_every_hour_is_that_fill(light, fill, tmp_path):
+    time, shares = light.daylight.sky["time"], fill if isinstance(fill, dict) else {fill: 1.0}
+    table = np.tile([*shares.values()], (len(time), 1))
+    hourly = xr.DataArray(table, {"time": time, "fill": [*shares]}, ("time", "fill"))
+    ours, theirs = light.evaluate({"south": hourly}), light.evaluate({"south": fill})
+    for name in ("total", "direct_sun", "direct_sun_se"):
+        np.testing.assert_allclose(
+            ours.illuminance[name], theirs.illuminance[name], rtol=1e-3, atol=1e-2, err_msg=name
+        )
+    for name in ("sDA", "ASE", "MSE"):
+        assert ours.metrics[name] == theirs.metrics[name], name
+    ours.save(tmp_path)
+
+
+def test_groups_of_a_choice_and_of_the_shade_have_their_own_names(tmp_path):
+    """The shade of the south covers what stands in place of the opal, too."""
+    opal = STRIPS.replace("glass", "opal").partition("[")[2].rpartition("]")[0]
+    lower = opal.replace("2.7", "0.8").replace("0.9", "0.2")
+    strips = STRIPS.rpartition("]")[0] + ", " + lower + "]"
+    case = case_of(tmp_path, (STRIPS, strips), more="[facade.east]\n" + STRIPS + "\n" + OPAL)
+    light = drcmitsuba.elements(case, ["shade", "hole", "wall"])
+    time = light.daylight.sky["time"]
+    hourly = xr.DataArray(np.where(time.dt.hour < 12, "hole", "wall"), {"time": time}, ("time",))
+    result = light.evaluate({"south": hourly}, drawn={"opal (south)": "hole"})
+    assert set(result.metrics["groups"]) == {"south", "east", "south (by the hour)"}
+
+
 def test_differences_of_façades_share_their_paths(light):
     """Two façades of the same elements differ by far less than their errors."""
     glass, opal = (light.evaluate({"opal (east)": fill}) for fill in ("opal", {"opal": 1.0}))
@@ -181,7 +209,15 @@ def same_light(ours, theirs):
         ({"south": 3.0}, "choice: south: float; give a fill"),
         ("opal", 'choice: opening: "opal"; give a mapping from openings to fills'),
         ({"south": xr.DataArray(["glass"], dims="hour")}, "an array with dims hour; give the dim"),
-        ({"south": xr.DataArray(["glass"], dims="time")}, "no fill at 2015-03-"),
+        ({"south": xr.DataArray(["glass"], dims="time")}, "1 entries without time stamps, the "),
+        (
+            {
+                "south": xr.DataArray(
+                    ["glass"], {"time": [np.datetime64("2015-03-01T08", "ns")]}, dims="time"
+                )
+            },
+            "no fill at 2015-03-",
+        ),
     ],
 )
 def test_bad_choices_are_refused(light, choice, message):

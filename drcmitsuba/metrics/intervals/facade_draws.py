@@ -252,6 +252,5 @@ def closures_from(
         states, number = numbered(rule.groups, by_mean)
         hours, by_draw = hours[:0], by_draw[:0]
     of_draw = number[stamps:][: by_draw.shape[0] * DRAWS].reshape(-1, DRAWS)
-    closable = np.array(rule.groups.closable)
-    share, share_drawn = ((x[..., closable] > 0).mean(axis=-1) for x in (by_mean, by_draw))
+    share, share_drawn = (rule.groups.share_closed(x) for x in (by_mean, by_draw))
     return Closures(states, number[:stamps], share, hours, of_draw, share_drawn)

@@ -162,7 +162,7 @@ def values(
     counts = sunlit(illuminance, rule)
     sensors = np.bincount(grid_of_sensors(illuminance))
     indices = rule.indices(rule.closed(counts, sensors), direct["time"])
-    closed = (indices > 0)[:, np.array(rule.groups.closable)].mean(axis=1)
+    closed = rule.groups.share_closed(indices)
     closed *= bool(illuminance.attrs.get("has_shade", 1))
     shut = np.bincount(metrics.months(total), closed, minlength=13)[1:]
     return (

@@ -24,7 +24,7 @@ def spaces_of(rooms: Sequence[JsonEntry], metres: float, notes: Notes) -> tuple[
             for face, polygon in zip(faces, polygons, strict=True)
             if face.text("face_type") == "Floor"
         ]
-        ceiling = max(float(outline[:, 2].max()) for outline, *_ in polygons)
+        ceiling = max((float(outline[:, 2].max()) for outline, *_ in polygons), default=0.0)
         levels = floors_of(floors, ceiling)
         if not levels:
             notes.add("Rooms without a floor are no spaces", room.place)

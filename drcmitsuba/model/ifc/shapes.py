@@ -26,6 +26,8 @@ LEFT_OUT = (
     "IfcFeatureElement", "IfcReinforcingElement", "IfcPort",
 )  # fmt: skip
 """Elements without a surface of their own, and those of installations."""
+OPEN = 1e-3
+"""Largest sum of the area vectors of a closed body's faces, over their area [–]."""
 CLEAR = 0.3
 """Transparency from which on a face is glass [–]."""
 
@@ -130,7 +132,20 @@ def _shape(element: Any, geometry: Any) -> IfcShape:
     corners = np.array(geometry.verts, float).reshape(-1, 3)
     faces = np.array(geometry.faces, int).reshape(-1, 3)
     of_face = np.array(geometry.material_ids, int)
-    return IfcShape(element, corners[faces], _clear(geometry.materials)[of_face])
+    triangles = outward(corners[faces])
+    return IfcShape(element, triangles, _clear(geometry.materials)[of_face])
+
+
+def outward(triangles: np.ndarray) -> np.ndarray:
+    """Triangles (triangle, 3, 3) of a closed body, counter-clockwise from outside.
+
+    A mapping that mirrors turns them over.
+    """
+    areas = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    whole = float(np.linalg.norm(areas, axis=1).sum())
+    is_open = np.linalg.norm(areas.sum(axis=0)) > OPEN * whole
+    volume = float((areas * (triangles[:, 0] - triangles.mean(axis=(0, 1)))).sum())
+    return triangles if is_open or volume >= 0 else triangles[:, ::-1]
 
 
 def _clear(materials: Sequence[Any]) -> np.ndarray:

@@ -7,12 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from drcmitsuba.model.ifc.shapes import IfcShape
+from drcmitsuba.model.ifc.shapes import OPEN, IfcShape
 from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.space import Space, floors_of, numbered, volume_of
 
-OPEN = 1e-3
-"""Largest sum of the area vectors of a solid's faces, over their area [–]."""
 DOWN = -0.9
 """Largest vertical part of the unit normal of a floor [–]."""
 

@@ -341,6 +341,12 @@ def test_doors_holes_and_openings_at_the_edge_are_cut_out(tmp_path):
     assert areas["generic_ceiling_0.80", "surface"] == pytest.approx(23)
 
 
+def test_rooms_without_faces_are_no_spaces(tmp_path):
+    room, empty = box.room(), box.room()
+    empty |= {"faces": [], "identifier": "Empty", "display_name": "Empty"}
+    assert len(read(tmp_path, room, empty).spaces) == 1
+
+
 def test_corners_within_the_tolerance_are_put_on_their_plane(tmp_path):
     room = box.room()
     window = room["faces"][1]["apertures"][0]

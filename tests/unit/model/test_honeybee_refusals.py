@@ -73,6 +73,12 @@ def test_what_the_schema_does_not_have_is_refused_by_name(tmp_path, path, value,
     refused(tmp_path, changed(path, value), *words)
 
 
+def test_a_hole_that_reaches_beyond_its_pane_is_refused(tmp_path):
+    hole = [[1.2, 0, 1.2], [9.0, 0, 1.2], [9.0, 0, 1.6], [1.2, 0, 1.6]]
+    pane = box.geometry(box.WINDOW, [hole])
+    refused(tmp_path, changed((*FACE, "apertures", 0, "geometry"), pane), "geometry", "hole")
+
+
 @pytest.mark.parametrize(
     ("other", "words"),
     [

@@ -12,7 +12,7 @@ from tests import SHARED, skips
 SAMPLE = SHARED / "data" / "ifc" / "duplex_21_spaces_ifc2x3.ifc"
 ifcopenshell = skips.module("ifcopenshell")
 from drcmitsuba.model import ifc  # noqa: E402
-from drcmitsuba.model.ifc import reader  # noqa: E402
+from drcmitsuba.model.ifc import reader, shapes  # noqa: E402
 from tests.unit.model import ifc_building as building  # noqa: E402
 
 
@@ -35,6 +35,20 @@ def test_a_house_has_its_areas(tmp_path, schema, millimetres):
     }  # fmt: skip
     assert [s.floor_area for s in model.spaces] == pytest.approx([20, 20], rel=1e-3)
     assert [s.volume for s in model.spaces] == pytest.approx([60, 60])
+
+
+def test_bodies_that_a_mapping_mirrors_face_outward():
+    corners, faces = building.box((1, 2, 3), (5, 4, 6))
+    quads = np.array(corners, float)[np.array(faces)]
+    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    one = shapes.outward(triangles)
+    two = shapes.outward(triangles * [-1, 1, 1])
+    for body in (one, two):
+        normal = np.cross(body[:, 1] - body[:, 0], body[:, 2] - body[:, 0])
+        out = body.mean(axis=1) - body.mean(axis=(0, 1))
+        assert ((normal * out).sum(axis=1) > 0).all()
+    sheet = triangles[:1]
+    assert shapes.outward(sheet) is sheet
 
 
 def test_spaces_have_names_uses_and_storeys(tmp_path):
