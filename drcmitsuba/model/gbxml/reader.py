@@ -7,7 +7,7 @@ from pathlib import Path
 from drcmitsuba.model.gbxml.entries import GbxmlEntry, is_gbxml, read_entry
 from drcmitsuba.model.gbxml.materials import window_types
 from drcmitsuba.model.gbxml.spaces import entries_of, spaces_of
-from drcmitsuba.model.gbxml.surfaces import GbxmlSurfaces
+from drcmitsuba.model.gbxml.surfaces import INWARD, GbxmlSurfaces, inside_out
 from drcmitsuba.model.model import Location, Model
 from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.unstated import note_reflectances
@@ -61,10 +61,14 @@ def read(file: Path) -> Model:
         raise root.refuse("Space", "none", "export the building with its rooms or spaces")
     notes = Notes()
     identifiers = frozenset(space.attribute("id") for space in spaces)
-    surfaces = GbxmlSurfaces(window_types(root), identifiers, METRES[unit], notes)
-    for campus in root.children("Campus"):
-        for surface in campus.children("Surface"):
-            surfaces.add(surface)
+    entries = [each for campus in root.children("Campus") for each in campus.children("Surface")]
+    turned = inside_out(entries)
+    for space in spaces:
+        if space.attribute("id") in turned:
+            notes.add(INWARD, space.text("Name") or space.attribute("id"))
+    surfaces = GbxmlSurfaces(window_types(root), identifiers, METRES[unit], notes, turned)
+    for surface in entries:
+        surfaces.add(surface)
     surfaces.close(spaces)
     layers = tuple(surfaces.layers())
     if not layers:

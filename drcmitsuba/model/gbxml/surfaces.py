@@ -37,6 +37,7 @@ DOORS = ("NonSlidingDoor", "SlidingDoor")
 OFF_PLANE = 0.05
 """Largest distance of an opening from the plane of its surface [m]."""
 BEYOND = "Openings are cut at the edge of their surface beyond which they reach"
+INWARD = "Spaces whose surfaces face inward are taken the other way round"
 CLOSED = "Gaps between the surfaces of spaces are closed by opaque ones"
 TOUCHING = 0.01
 """Distance within which surfaces of two spaces lie in one place [m]."""
@@ -64,6 +65,8 @@ class GbxmlSurfaces:
     """Identifiers of the spaces."""
     metres: float
     notes: Notes
+    turned: frozenset[str] = frozenset()
+    """Spaces whose polygons face inward, see `inside_out`."""
     faces: dict[str, list[np.ndarray]] = field(default_factory=dict)
     """Polygons around each space by its identifier, counter-clockwise from its outside [m]."""
     sorts: dict[tuple[str, str], list[tuple[str, Rings]]] = field(default_factory=dict)
@@ -89,6 +92,8 @@ class GbxmlSurfaces:
             if name not in self.spaces:
                 got = f"the space {name!r}, which the file lacks"
                 raise surface.refuse("AdjacentSpaceId", got, "name a Space of the file")
+        if named and named[0] in self.turned:
+            ring = ring[::-1]
         for name, own in zip(named[:2], (ring, ring[::-1]), strict=False):
             self.faces.setdefault(name, []).append(own)
         if float(np.linalg.norm(area_vector(ring))) < LEAST:
@@ -245,6 +250,28 @@ class GbxmlSurfaces:
             polygons.append(np.full(len(quads), k))
         places = tuple(place for place, _ in pieces)
         return np.concatenate(parts), np.concatenate(polygons), places
+
+
+def inside_out(surfaces: Sequence[GbxmlEntry]) -> frozenset[str]:
+    """Identifiers of spaces whose polygons face inward in the main.
+
+    A polygon with area vector A faces outward where A · (x − c) > 0, with its middle x and that of
+    all of the space's corners c.
+    """
+    rings: dict[str, list[np.ndarray]] = {}
+    for surface in surfaces:
+        ring = surface.ring()
+        for each, side in zip(
+            surface.children("AdjacentSpaceId"), (ring, ring[::-1]), strict=False
+        ):
+            rings.setdefault(each.attribute("spaceIdRef"), []).append(side)
+    out = set[str]()
+    for name, around in rings.items():
+        middle = np.concatenate(around).mean(axis=0)
+        outward = (float(area_vector(side) @ (side.mean(axis=0) - middle)) for side in around)
+        if sum(outward) < 0:
+            out.add(name)
+    return frozenset(out)
 
 
 def _side(ring: np.ndarray) -> str:

@@ -1,5 +1,6 @@
 """gbXML buildings: spaces, surfaces with both sides, openings; areas and counts are exact."""
 
+import re
 from collections import Counter
 
 import numpy as np
@@ -48,6 +49,26 @@ def test_a_building_has_its_areas_in_any_unit(tmp_path, unit):
     assert [space.floor_area for space in model.spaces] == pytest.approx([20, 20, 40])
     assert [space.volume for space in model.spaces] == pytest.approx([60, 60, 120])
     assert [space.height for space in model.spaces] == pytest.approx([3, 3, 3])
+
+
+def test_a_building_whose_surfaces_face_inward_is_the_same(tmp_path):
+    """All of them: a space then has its floor for a ceiling, and the outside's reflectance."""
+
+    def turned(text):
+        points = re.findall("<CartesianPoint>.*?</CartesianPoint>", text)
+        return re.sub(
+            "<PolyLoop>.*?</PolyLoop>", f"<PolyLoop>{''.join(points[::-1])}</PolyLoop>", text
+        )
+
+    parts = [
+        re.sub("<PlanarGeometry>.*?</PlanarGeometry>", lambda each: turned(each[0]), part)
+        for part in house.surfaces().values()
+    ]
+    (tmp_path / "other").mkdir()
+    model, same = read(tmp_path, parts), read(tmp_path / "other")
+    assert areas_of(model) == pytest.approx(areas_of(same))
+    assert [space.floor_area for space in model.spaces] == pytest.approx([20, 20, 40])
+    assert sum("face inward" in note for note in model.notes) == 1
 
 
 def test_spaces_have_names_uses_and_storeys(tmp_path):
