@@ -32,7 +32,7 @@ def fingerprint(case: Case, enabled_effects: EnabledEffects) -> str:
     chosen = {k: v for k, v in case.effects.overruled.items() if k != "dark_hours"}
     settings |= {
         "effects": chosen,
-        "scope": enabled_effects.to_dict(),
+        "scope": {k: v for k, v in enabled_effects.to_dict().items() if k != "suns"},
         "subdivision": case.sky.subdivision,
         "diameter": case.outside.sun_diameter,
     }
@@ -99,6 +99,7 @@ def attributes(case: Case, daylight: Daylight, enabled_effects: EnabledEffects) 
         "spaces": spaces_text(case),
         "settings": json.dumps(settings(case, daylight), ensure_ascii=False),
         "fingerprint": fingerprint(case, enabled_effects),
+        "suns": int(enabled_effects.suns),
     }
 
 

@@ -174,12 +174,15 @@ class ChosenFacade:
         C = self._with_group_of_sun(C, shares)
         if self.sky is None:
             return C
-        suns = np.arange(self.channels[0].sky_bins, len(self.channels[0].labels))
+        labels, blend = np.array(self.channels[0].labels, object), blended(self.sky)
+        suns = np.flatnonzero(np.isin(labels, blend.bins[blend.weights > 0]))
         own = self.straight(suns)
+        if not len(suns):
+            return C
         rest = C[list(own.data_vars)].drop_sel(bin=own["bin"])
         own = own.drop_vars(set(own.coords) - {"bin"})  # those of the sensors are in the rest
         how: dict[str, Any] = {"join": "exact", "coords": "minimal", "compat": "override"}
-        by_hour = xr.concat([rest, own], "bin", **how)
+        by_hour = xr.concat([rest, own], "bin", **how).sel(bin=C["bin"])
         return C.assign(dict(by_hour.data_vars))
 
     def straight(self, suns: np.ndarray) -> xr.Dataset:
@@ -197,7 +200,7 @@ class ChosenFacade:
 
     def _shares_at(self, suns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Different shares (row, element) with all shades open, and the row of every sun."""
-        if self.sky is None:
+        if self.sky is None or not len(suns):
             return self._shares_of(OPEN)[None], np.zeros(len(suns), int)
         time, blend = self.sky["time"], blended(self.sky)
         rows, of_hour = different_rows(self.shares(self.moving.drawn_at(time)), len(time))

@@ -15,6 +15,7 @@ from drcmitsuba.annual.simulated_year import SimulatedYear, simulated_year, take
 from drcmitsuba.annual.spectral_year import left_out
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, VARYING, State
+from drcmitsuba.case.sun import Adaptive, TrueSun
 from drcmitsuba.metrics import accumulate, illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients, LaterCoefficients
 from drcmitsuba.metrics.evaluate_metrics import evaluate_metrics
@@ -28,6 +29,11 @@ from drcmitsuba.sky.daylight import Daylight
 
 SOURCES = ("total", "sky", "sun")
 """Names of the light that `metrics.accumulate.by_source` tells apart."""
+BY_MOST_HOURS = (
+    "choice: a sun of this model stands for several hours: direct sun, ASE and MSE are those of "
+    "the fill that most of them have; with true suns each hour has its own"
+)
+"""Note on fills that are chosen by the hour."""
 ENDS = ("", "_se")
 """Endings of the names of a quantity and of its standard error."""
 
@@ -61,6 +67,8 @@ def recombined(
             light = year.daylight.times() if is_known else year.daylight
             evaluated = evaluate_metrics(case, light, year.coefficients, year.direct, year.shade)
         notes = [*remarks, *left_out(case)]
+        if facade.sky is not None and not isinstance(case.sun, TrueSun | Adaptive):
+            notes.append(BY_MOST_HOURS)
         result = summed_up(planned.summed(always=True), coefficients, evaluated, run, notes)
     E = with_open_state(result.illuminance, facade, year.daylight)
     return replace(result, illuminance=E, daylight=year.daylight)

@@ -35,7 +35,7 @@ ALL_ARRAYS = {
 """Files of arrays of all kinds of results."""
 DRAWN = re.compile(
     r"(illuminance|autonomy|sun|melanopic|undecided_(sda|ase))(_\d+)?_plan\.png"
-    r"|illuminance_(mountain(_\d+)?|section|year(_\d+)?)\.png|(monthly|sun_path)\.png"
+    r"|illuminance_(mountain(_\d+)?|section(_\d+)?|year(_\d+)?)\.png|(monthly|sun_path)\.png"
 )
 """Names of the pictures of an evaluation, those of `plot` among them."""
 

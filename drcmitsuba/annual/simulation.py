@@ -267,6 +267,9 @@ def _refuse_others(
             "coefficients", "case", "they were computed for another case or accuracy",
             "compute them anew",
         )  # fmt: skip
+    if enabled_effects.suns and not known.attrs.get("suns", 1):
+        got = "no sun shone in the weather that they were computed for"
+        raise InputError("coefficients", "suns", got, "compute them anew")
     names = illuminance.SUN_OF if case.sun.model != "adaptive" else ("latitude",)
     illuminance.check_suns(known.attrs, daylight.sky, names)
 

@@ -128,12 +128,15 @@ class Layout:
         """Say what of the façade the search does not keep, and where the band cuts its windows."""
         asked, (low, high), notes = self.design.wwr, self.band, list[str]()
         for strip in self.case.facade.get(self.side, Facade()).strips:
+            if strip.material == "wall":
+                continue
             where = f"facade.{self.side}: {shortened(strip.material)}, {strip.bottom:g} to "
             where += f"{strip.top:g} m, does not stay"
             apart = present_facade.APART
             if strip.bottom < low - apart or strip.top > high + apart:
+                where += " in part" * (strip.top > low + apart and strip.bottom < high - apart)
                 notes.append(f"{where}: beyond the band from {low:g} to {high:g} m all is wall")
-            elif strip.material not in ("wall", self.clear, self.film):
+            elif strip.material not in (self.clear, self.film):
                 notes.append(f"{where}: tiles are wall, {self.clear} or {self.film}")
         if asked != "fixed" and asked[1] > self.wwr[1] + 1e-9:
             notes.append(
@@ -283,9 +286,9 @@ class Layout:
     def known(self, problem: FacadeProblem) -> list[np.ndarray]:
         """Designs that are evaluated first, so that no search ends below them.
 
-        The façade as it is, as far as its panes are those of the search. Single tiles: a film
-        nowhere, everywhere, above, below and in the middle. A window given by few numbers: a coarse
-        grid of these numbers.
+        The façade as it is, as far as its panes are those of the search, for a window if its edges
+        are those of tiles. Single tiles: a film nowhere, everywhere, above, below and in the
+        middle. A window given by few numbers: a coarse grid of these numbers.
 
         Returns
         -------
@@ -297,7 +300,8 @@ class Layout:
         own = problem.of_values(problem.facade.values_of(share))
         if self.design.parameters == "window":
             grid = np.linspace(0, 1, 3 if problem.size == 3 else 0)
-            return [own, *(np.array(x) for x in product(grid, repeat=problem.size))]
+            known = [np.array(x) for x in product(grid, repeat=problem.size)]
+            return [own, *known] if np.isin(share, (0, 1)).all() else known
         bottom, top = problem.year.tiles.bounds[:, 2:].T
         at = ((bottom + top) / 2 - self.band[0]) / (self.band[1] - self.band[0])
         return [own, *problem.films_by_height(at)]

@@ -257,7 +257,9 @@ class GlareYear:
             storage.save_netcdf(self.hours, folder / "glare.nc")
             storage.save_json(self.numbers(), folder / "glare.json")
             plots.save(self.year_plot(), folder / "glare_year.png")
-            plots.save_all(self.plan_plots(), folder)
+            plans = plots.save_all(self.plan_plots(), folder)
+            for old in set(folder.glob("glare_plan*.png")).difference(plans):
+                old.unlink()
         return self
 
     def year_plot(self, view: str | None = None, state: str | None = None) -> Figure:

@@ -140,12 +140,12 @@ def _in_plan(
     at = np.column_stack([illuminance[axis].values for axis in "xy"])
     norm = scale(np.ma.masked_invalid(mean.values))
     cuts = dict[int, Figure]()
-    for k, sheet in enumerate(every[:MOST_SHEETS], start=1):
+    for k, sheet in enumerate(every if line else every[:MOST_SHEETS], start=1):
         here = mean[sheet.sensors]
         lines = outlines_in_plan(case, at[sheet.sensors], sheet)
         outlines = {kind: lines.get(kind, ()) for kind in ("room", "glazing")}
         where = f"; plan {k} of {len(every)}" if len(every) > 1 else ""
-        if sheet.faces_up and forms_rows(here):
+        if k <= MOST_SHEETS and sheet.faces_up and forms_rows(here):
             number = f"_{k}" if len(every) > 1 else ""
             drawn[f"illuminance_mountain{number}.png"] = mountain(
                 here, norm=norm, title=title + where, caption=caption, **outlines

@@ -29,12 +29,14 @@ def nearest_sensors(
     """
     chosen = []
     if len(points) > MOST_POINTS:
-        raise InputError(source, "points", f"{len(points)}", f"give at most {MOST_POINTS}")
-    for point in (tuple(p)[: at.shape[1]] for p in points):
-        if len(point) < 2 or not np.isfinite(point).all():
+        got = f"{len(points)} points"
+        raise InputError(source, "points", got, f"give at most {MOST_POINTS} of them")
+    for point in points:
+        if len(point) not in (2, 3) or not np.isfinite(point).all():
             got = ", ".join(f"{v:g}" for v in point)
             raise InputError(source, "points", got, "give x,y or x,y,z in metres")
-        away = np.linalg.norm(at[:, : len(point)] - point, axis=1)
+        axes = min(len(point), at.shape[1])
+        away = np.linalg.norm(at[:, :axes] - np.asarray(point)[:axes], axis=1)
         sensor = int(away.argmin())
         if away[sensor] > NEAR:
             near = ", ".join(f"{v:g}" for v in at[sensor].round(3))

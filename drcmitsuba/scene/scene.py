@@ -111,7 +111,7 @@ class Scene:
     @property
     def content(self) -> tuple[Any, ...]:
         """Everything that light in this scene depends on, for the key of stored coefficients."""
-        parts = [(p.material, p.quads, p.component, p.closed) for p in self.parts]
+        parts = [(p.material, p.quads, p.component, p.closed, p.indoors) for p in self.parts]
         effects = self.effects.to_dict()
         turned = self.clockwise if self.films else 0.0
         around = self.near, self.heading

@@ -65,8 +65,10 @@ def test_blocks_of_weather_without_sun_lend_no_dark_suns(folder, tmp_path):
     dull, sunny = (float(result.illuminance["direct_sun"].max()) for result in results)
     assert dull == 0
     assert sunny > 1000
-    with pytest.raises(drcmitsuba.InputError, match="computed for another case"):
+    with pytest.raises(drcmitsuba.InputError, match="no sun shone in the weather"):
         drcmitsuba.evaluate(load_case(path), known=results[0].coefficients)
+    again = drcmitsuba.evaluate(load_case(tmp_path / "dull.toml"), known=results[1].coefficients)
+    assert float(again.illuminance["direct_sun"].max()) == 0
 
 
 @pytest.mark.parametrize(

@@ -126,6 +126,18 @@ def test_a_fill_for_every_hour_is_that_fill(light, fill, tmp_path):
     ours.save(tmp_path)
 
 
+@pytest.mark.parametrize("model", ["three_phase", "daysim"])
+def test_a_fill_for_every_hour_is_that_fill_by_shared_suns(tmp_path, model):
+    case = case_of(tmp_path, more=f'[sun]\nmodel = "{model}"\n' + OPAL)
+    light = drcmitsuba.elements(case, ["opal"])
+    (opening,), time = light.openings, light.daylight.sky["time"]
+    hourly = xr.DataArray(np.full(len(time), "opal"), {"time": time}, ("time",))
+    result = light.evaluate({opening: hourly})
+    assert float(result.illuminance["direct_sun"].max()) == 0
+    assert "straight" in result.coefficients  # which are made when they are asked for
+    assert any("stands for several hours" in note for note in result.metrics["notes"])
+
+
 def test_groups_of_a_choice_and_of_the_shade_have_their_own_names(tmp_path):
     """The shade of the south covers what stands in place of the opal, too."""
     opal = STRIPS.replace("glass", "opal").partition("[")[2].rpartition("]")[0]

@@ -101,7 +101,7 @@ def test_hours_of_further_states_are_told(case, evaluated, tmp_path, monkeypatch
         (["here"], "--point: 'here'; give --point x,y or x,y,z in metres"),
         (["1"], "--point: '1'; give --point x,y or x,y,z in metres"),
         (["nan,1"], "--point: 'nan,1'; give --point x,y or x,y,z in metres"),
-        (["1,1"] * 25, "25 points; give 1 to 24 of them"),
+        (["1,1"] * 25, "25 points; give at most 24 of them"),
     ],
 )
 def test_points_that_are_none_are_refused_in_one_line(case, points, line, monkeypatch, capsys):

@@ -181,7 +181,7 @@ def test_a_free_material_of_a_component_is_refused_in_one_line(run, case, tmp_pa
     line = (
         'components."pipe".top is "glass", too; give it a material of its own, which may be alike'
     )
-    assert err.strip().endswith(f"design.glazing_transmittance: {line}alike")
+    assert err.strip().endswith(f"design.glazing_transmittance: {line}")
 
 
 def test_a_case_without_design_ends_with_one_line(run, case, tmp_path):

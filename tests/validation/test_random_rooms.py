@@ -33,6 +33,17 @@ def test_a_sensor_that_is_wrong_by_itself_is_told():
     assert not agreement("sky", ours, theirs).is_wrong
 
 
+def test_leaks_are_told_and_a_sensor_that_does_not_vary_hides_no_other():
+    rng = np.random.default_rng(2)
+    ours, theirs = (rng.normal(1, 0.01, (16, 10)) for _ in range(2))
+    assert agreement("sky", ours, np.zeros((16, 10))).is_wrong
+    ours[:, 0] = theirs[:, 0] = 1.0
+    assert not agreement("sky", ours, theirs).is_wrong
+    ours[:, 3] *= 1.5
+    ours[:, 4] *= 0.5
+    assert agreement("sky", ours, theirs).is_wrong
+
+
 def test_a_sum_that_is_wrong_is_told():
     rng = np.random.default_rng(1)
     ours, theirs = (rng.normal(1, 0.01, (16, 40)) for _ in range(2))

@@ -41,6 +41,8 @@ INWARD = "Spaces whose surfaces face inward are taken the other way round"
 CLOSED = "Gaps between the surfaces of spaces are closed by opaque ones"
 TOUCHING = 0.01
 """Distance within which surfaces of two spaces lie in one place [m]."""
+NEARLY = 0.02
+"""Part of the area around a space that may be missing where its polygons close."""
 LEAST = 1e-6
 """Area below which a polygon is left out [m²]."""
 
@@ -92,7 +94,7 @@ class GbxmlSurfaces:
             if name not in self.spaces:
                 got = f"the space {name!r}, which the file lacks"
                 raise surface.refuse("AdjacentSpaceId", got, "name a Space of the file")
-        if named and named[0] in self.turned:
+        if named and self.turned.issuperset(named[:2]):
             ring = ring[::-1]
         for name, own in zip(named[:2], (ring, ring[::-1]), strict=False):
             self.faces.setdefault(name, []).append(own)
@@ -253,10 +255,10 @@ class GbxmlSurfaces:
 
 
 def inside_out(surfaces: Sequence[GbxmlEntry]) -> frozenset[str]:
-    """Identifiers of spaces whose polygons face inward in the main.
+    """Identifiers of spaces whose polygons face inward in the main, where they close.
 
     A polygon with area vector A faces outward where A · (x − c) > 0, with its middle x and that of
-    all of the space's corners c.
+    all of the space's corners c; area vectors around a space add up to 0.
     """
     rings: dict[str, list[np.ndarray]] = {}
     for surface in surfaces:
@@ -267,9 +269,12 @@ def inside_out(surfaces: Sequence[GbxmlEntry]) -> frozenset[str]:
             rings.setdefault(each.attribute("spaceIdRef"), []).append(side)
     out = set[str]()
     for name, around in rings.items():
-        middle = np.concatenate(around).mean(axis=0)
-        outward = (float(area_vector(side) @ (side.mean(axis=0) - middle)) for side in around)
-        if sum(outward) < 0:
+        corners = np.concatenate(around)
+        areas = np.array([area_vector(side) for side in around])
+        middles = np.array([side.mean(axis=0) for side in around]) - corners.mean(axis=0)
+        whole = float(np.linalg.norm(areas, axis=1).sum())
+        closes = np.linalg.norm(areas.sum(axis=0)) <= NEARLY * whole
+        if closes and (areas * middles).sum() < -NEARLY * whole * np.ptp(corners, axis=0).max():
             out.add(name)
     return frozenset(out)
 

@@ -141,6 +141,8 @@ def outward(triangles: np.ndarray) -> np.ndarray:
 
     A mapping that mirrors turns them over.
     """
+    if not len(triangles):
+        return triangles
     areas = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     whole = float(np.linalg.norm(areas, axis=1).sum())
     is_open = np.linalg.norm(areas.sum(axis=0)) > OPEN * whole

@@ -116,17 +116,19 @@ class CellGrid:
         bounds = _bounds_of_rooms(scene)
         if bounds is None:
             return self
-        both = planes(furniture(scene)), adjoined(_surfaces(scene), bounds, self.size)
-        of_axes = [np.concatenate(of_axis) for of_axis in zip(*both, strict=True)]
-        if not any(map(len, of_axes)):
+        of_axes = planes(furniture(scene))
+        walls = adjoined(_surfaces(scene), bounds, self.size)
+        if not any(map(len, (*of_axes, *walls))):
             return self
         low, extent = np.array(self.low), np.ptp(bounds, axis=0)
         if self.near is not None:
             low = np.array(self.near[0]) + self.size * low
         sections = extent.prod() / extent
         x, y, z = (
-            cuts(plane, float(start), count, self.size, float(section))
-            for plane, start, count, section in zip(of_axes, low, self.count, sections, strict=True)
+            cuts(plane, float(start), count, self.size, float(section), wall)
+            for plane, wall, start, count, section in zip(
+                of_axes, walls, low, self.count, sections, strict=True
+            )
         )
         finer = replace(self, cuts=(x, y, z))
         nx, ny, nz = (

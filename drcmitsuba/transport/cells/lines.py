@@ -106,16 +106,18 @@ def adjoined(quads: np.ndarray, bounds: np.ndarray, near: float) -> list[np.ndar
 
 
 def cuts(
-    plane: np.ndarray, start: float, count: int, size: float, section: float = np.inf
-) -> Cuts | None:
+    plane: np.ndarray, start: float, count: int, size: float, section: float = np.inf,
+    bounds: np.ndarray | None = None,
+) -> Cuts | None:  # fmt: skip
     """Cut an axis at planes (plane, 2) of a coordinate [m] and an area, else cell by cell.
 
     `count` cells of `size` [m] begin at `start`; the room has a `section` [m²] across the axis.
-    None where no plane asks for a cut.
+    Cuts lie exactly at `bounds`, planes as well. None where no plane asks for a cut.
     """
-    if not len(plane) or count * STEPS > MOST_STEPS:
+    bounds = np.zeros((0, 2)) if bounds is None else bounds
+    if not len(plane) + len(bounds) or count * STEPS > MOST_STEPS:
         return None
-    at, area = _chosen(plane, size).T
+    at, area = _chosen(plane, size, bounds).T
     at = at - start
     within = (at > NEAREST * size) & (at < (count - NEAREST) * size)
     at, area = at[within], area[within]
@@ -130,9 +132,9 @@ def cuts(
     return Cuts(of_step.astype(np.uint32), every.astype(np.float32), behind)
 
 
-def _chosen(plane: np.ndarray, size: float) -> np.ndarray:
+def _chosen(plane: np.ndarray, size: float, bounds: np.ndarray) -> np.ndarray:
     """Coordinates of cuts, sorted [m], and areas of their planes [m²], shape (cut, 2)."""
-    kept: list[tuple[float, float]] = []
+    kept: list[tuple[float, float]] = [(float(at), float(area)) for at, area in bounds]
     for least, at in sorted((-area, (low + high) / 2) for low, high, area in _plates(plane)):
         if all(abs(at - other) >= NEAREST * size for other, _ in kept):
             kept.append((at, -least))

@@ -46,6 +46,13 @@ def test_the_largest_of_planes_that_are_near_to_each_other_is_cut():
     assert ends[:5] == pytest.approx(2.11 * np.arange(1, 6) / 5)
 
 
+def test_a_cut_lies_exactly_at_a_bound_whatever_stands_beside_it():
+    plane, bound = np.array([[2.04, 1.0], [2.08, 9.0]]), np.array([[2.0, 12.0]])
+    ends = cells_of(cuts(plane, 0.0, 8, 0.5, 12.0, bound), 0.5)
+    assert 2.0 in ends.round(6).tolist()
+    assert not ((ends > 2.001) & (ends < 2.2)).any()
+
+
 def test_axes_without_planes_and_scenes_of_many_cells_stay_regular():
     assert cuts(np.zeros((0, 2)), 0.0, 10, 0.5) is None
     assert cuts(np.array([[2.0, 1.0]]), 0.0, 10_000, 0.5) is None

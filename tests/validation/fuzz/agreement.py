@@ -114,15 +114,17 @@ def around() -> np.ndarray:
 def agreement(source: str, a: np.ndarray, b: np.ndarray) -> Agreement:
     """Agreement of replicates (replicate, sensor) of either side."""
     sums = a.sum(axis=1), b.sum(axis=1)
-    whole = sums[1].mean()
+    whole = max(sums[1].mean(), 1e-30)  # a leak has no truth to be divided by
     error = np.sqrt(sum(x.var(ddof=1) / len(x) for x in sums)) / whole
-    mean = b.mean(axis=0)
+    mean = np.maximum(a.mean(axis=0), b.mean(axis=0))
     a, b = (x[:, mean > FAINT * mean.max()] for x in (a, b))
-    p = ttest_ind(a, b, axis=0, equal_var=False).pvalue
+    varies = (np.ptp(a, axis=0) > 0) | (np.ptp(b, axis=0) > 0)
+    p = (a.mean(axis=0) == b.mean(axis=0)).astype(float)  # where neither varies
+    p[varies] = ttest_ind(a[:, varies], b[:, varies], axis=0, equal_var=False).pvalue
     worst = int(np.argmin(p))
     mine, others = (x[:, worst].mean() for x in (a, b))
     return Agreement(
         source, float(whole), float(sums[0].mean() / whole - 1), float(error),
-        float(ttest_ind(*sums, equal_var=False).pvalue), float(mine / others - 1),
+        float(ttest_ind(*sums, equal_var=False).pvalue), float(mine / max(others, 1e-30) - 1),
         float(1 - (1 - p[worst]) ** p.size),
     )  # fmt: skip
