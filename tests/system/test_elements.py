@@ -135,7 +135,7 @@ def test_a_fill_for_every_hour_is_that_fill_by_shared_suns(tmp_path, model):
     result = light.evaluate({opening: hourly})
     assert float(result.illuminance["direct_sun"].max()) == 0
     assert "straight" in result.coefficients  # which are made when they are asked for
-    assert any("stands for several hours" in note for note in result.metrics["notes"])
+    assert any("stands for several hours" in note for note in result.metrics["settings"]["notes"])
 
 
 def test_groups_of_a_choice_and_of_the_shade_have_their_own_names(tmp_path):
