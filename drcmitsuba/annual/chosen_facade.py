@@ -176,9 +176,9 @@ class ChosenFacade:
             return C
         labels, blend = np.array(self.channels[0].labels, object), blended(self.sky)
         suns = np.flatnonzero(np.isin(labels, blend.bins[blend.weights > 0]))
-        own = self.straight(suns)
         if not len(suns):
             return C
+        own = self.straight(suns)
         rest = C[list(own.data_vars)].drop_sel(bin=own["bin"])
         own = own.drop_vars(set(own.coords) - {"bin"})  # those of the sensors are in the rest
         how: dict[str, Any] = {"join": "exact", "coords": "minimal", "compat": "override"}

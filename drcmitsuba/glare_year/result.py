@@ -11,6 +11,7 @@ References
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -36,6 +37,8 @@ CLASSES = {"high": 0.35, "medium": 0.40, "minimum": 0.45}
 """DGP that a class of EN 17037 allows to be exceeded in `EXCEEDED` of the hours."""
 EXCEEDED = 0.05
 """Share of the occupied hours in which a class may be exceeded [–]."""
+PLAN = re.compile(r"glare_plan(_\d+)?\.png")
+"""Names of the plans of views."""
 NONE = "none"
 """Class of a view that exceeds even the largest DGP for too long."""
 
@@ -259,7 +262,8 @@ class GlareYear:
             plots.save(self.year_plot(), folder / "glare_year.png")
             plans = plots.save_all(self.plan_plots(), folder)
             for old in set(folder.glob("glare_plan*.png")).difference(plans):
-                old.unlink()
+                if PLAN.fullmatch(old.name):  # of another number of storeys
+                    old.unlink()
         return self
 
     def year_plot(self, view: str | None = None, state: str | None = None) -> Figure:

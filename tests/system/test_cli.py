@@ -210,7 +210,7 @@ def test_a_disk_that_fills_up_beside_the_pictures_gives_one_line(
         (["evaluate", "a", "b"], "command line: Got unexpected extra argument"),
         (["evaluate", "--wether", "x"], "command line: No such option: --wether"),
         (["evaluate", "classroom/exsting"], "did you mean the shipped case classroom/existing?"),
-        (["plot", "nowhere", "--point", "1"], "--point: '1'; give --point X,Y in metres"),
+        (["plot", "nowhere", "--point", "1"], "--point: '1'; give --point x,y or x,y,z in metres"),
         (["plot", "nowhere", "--section", "1,2,3,nan"], "give --section X,Y,X,Y in metres"),
         (["plot", "nowhere", "--section", "1,2,1,2"], "--section: 1,2,1,2, a point; give two ends"),
         (["plot", "nowhere"], "illuminance.nc: results: no such file or folder; run the step"),

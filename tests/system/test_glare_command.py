@@ -113,10 +113,15 @@ def test_the_command_writes_tables_files_and_plots(run, tmp_path):
         assert saved["illuminance"].attrs["units"] == "lx"
 
 
-def test_each_storey_has_a_plan_of_its_views(year):
+def test_each_storey_has_a_plan_of_its_views(year, tmp_path):
     high = year.hours["z"].values + [0.0, 3.0, 0.2]
     plans = replace(year, hours=year.hours.assign_coords(z=("view", high))).plan_plots()
     assert list(plans) == ["glare_plan_1.png", "glare_plan_2.png"]
+    for name in ("glare_plan.png", "glare_plan_of_mine.png"):
+        (tmp_path / name).write_text("drawn before")
+    replace(year, hours=year.hours.assign_coords(z=("view", high))).save(tmp_path)
+    drawn = {file.name for file in tmp_path.glob("glare_plan*")}
+    assert drawn == {*plans, "glare_plan_of_mine.png"}
     arrows = [[t for t in f.axes[0].texts if t.get_text().isdigit()] for f in plans.values()]
     assert [len(each) for each in arrows] == [2, 1]
     assert "plan 2 of 2, eyes from" in plans["glare_plan_2.png"].axes[0].get_title(loc="left")
