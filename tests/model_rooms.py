@@ -40,6 +40,17 @@ def prism(outline, height):
     return low, high[::-1], walls
 
 
+def shell(width, depth, window, height=3.0):
+    """Layers of floor, ceiling and walls of a room, with a window in its southern wall [m]."""
+    floor, ceiling, walls = prism([(0, 0), (width, 0), (width, depth), (0, depth)], height)
+    return (
+        layer("floor", Lambertian(0.3), floor),
+        layer("ceiling", Lambertian(0.8), ceiling),
+        layer("facade", Lambertian(0.5), walls[0], holes=[window]),
+        layer("walls", Lambertian(0.5), *walls[1:]),
+    )
+
+
 def l_room(**tables):
     """L-shaped room with a window to the south, a triangular one to the east, a sloped roof light.
 

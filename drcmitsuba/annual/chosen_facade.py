@@ -169,9 +169,10 @@ class ChosenFacade:
         C = joined_channels([light.coefficients(shares) for light in self.channels])
         C = self._with_sensors(C)
         progress(1)
-        if state != OPEN:
-            return C
-        C = self._with_group_of_sun(C, shares)
+        return self._with_suns_by_hour(self._with_group_of_sun(C, shares)) if state == OPEN else C
+
+    def _with_suns_by_hour(self, C: xr.Dataset) -> xr.Dataset:
+        """C of the open state, whose suns come straight by the fills of their hours."""
         if self.sky is None:
             return C
         labels, blend = np.array(self.channels[0].labels, object), blended(self.sky)

@@ -134,9 +134,7 @@ def lights(
     ('window', 'source', 'bounces', 'sensor')
     """
     case = case if isinstance(case, Case) else load_case(case)
-    known = prepared(case).receivers.coordinates
-    at = np.stack([known[axis].values for axis in "xyz"], axis=1)
-    sensors = nearest_sensors(at, points, case.source)
+    sensors = nearest_sensors(prepared(case).receivers.coordinates, points, case.source)
     if not sensors:
         raise InputError(case.source, "points", "none", "give x,y or x,y,z in metres")
     traced = LightTracing.of(case, results, stage)

@@ -60,11 +60,9 @@ class MovingGroups:
 
     def drawn_at(self, time: xr.DataArray) -> np.ndarray:
         """State of every group while all shades are open, int, (time, group): that of a choice."""
-        hour, out = hour_of_year(time), np.zeros((len(time), len(self.states)), int)
-        for k, group in enumerate(self.groups):
-            if group.is_chosen and group.by_hour is not None:
-                out[:, k] = group.by_hour[hour]
-        return out
+        by_hour = self.schedule.of_group
+        chosen = {k: states for k, states in by_hour.items() if self.groups[k].is_chosen}
+        return Schedule(chosen, len(self.states)).indices(time)
 
     def number_of(self, opening: int) -> int:
         """Group of an opening."""

@@ -118,9 +118,7 @@ class SavedResult(ABC):
 
             drawn = self._pictures()
             plots.save_all(drawn, folder, progress, parts)
-        for old in folder.glob("*.png"):
-            if DRAWN.fullmatch(old.name) and old.name not in drawn:
-                old.unlink(missing_ok=True)
+        storage.remove_others(folder, DRAWN, drawn)
         return list(drawn)
 
     def __repr__(self) -> str:

@@ -17,8 +17,8 @@ MOST_TIMES = {
     "mirrored_sun_samples": 32,
 }  # fmt: skip
 """Largest factors of samples where points are few: beyond these the error comes from elsewhere."""
-
-
+SMALLEST_CELL = 1e-3
+"""Least size of a cell [m]."""
 AT_SENSORS = "% at each sensor"
 """Unit of a target for the illuminance of the hours at every sensor, and at every eye."""
 OF_GLARE = "point of glare hours"
@@ -67,7 +67,7 @@ class Accuracy(Table):
     """Gather G: number of paths from a sensor."""
     cell_paths: Annotated[int, Field(ge=1, le=1 << 16)] = 32
     """Transfer T: number of rays from a cell to others."""
-    cell_size: Annotated[float, Field(ge=1e-3, le=100)] = 0.45
+    cell_size: Annotated[float, Field(ge=SMALLEST_CELL, le=100)] = 0.45
     """Edge of the cubes that cut diffuse surfaces into cells [m]."""
     cell_sky_rays: Annotated[int, Field(ge=1, le=1 << 16)] = 128
     """Deposit D: number of rays from a cell to the sky."""

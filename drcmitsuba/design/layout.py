@@ -39,6 +39,8 @@ from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.daylight import daylight as daylight_of
 
 ROWS = 6
+POINTS = 64
+"""Number of points along each edge of a tile by which its shares are counted."""
 
 
 @dataclass(frozen=True)
@@ -296,7 +298,7 @@ class Layout:
             Free values as fractions of their ranges, 0 to 1.
         """
         tiles, materials = problem.year.tiles, problem.year.materials
-        share = present_facade.shares(self.case, self.side, tiles, materials)
+        share = present_facade.composition(self.case, self.side, tiles, materials, POINTS)
         own = problem.of_values(problem.facade.values_of(share))
         if self.design.parameters == "window":
             grid = np.linspace(0, 1, 3 if problem.size == 3 else 0)

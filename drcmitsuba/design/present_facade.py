@@ -13,8 +13,6 @@ from drcmitsuba.scene.facade_rectangles import fill_at
 
 APART = 1e-3
 """Least distance of two edges of tiles [m]."""
-POINTS = 64
-"""Number of points along each edge of a tile, by which its shares are counted."""
 
 
 def heights(
@@ -61,28 +59,20 @@ def heights(
     return np.unique(np.concatenate([rows, new]).round(6))
 
 
-def composition(case: Case, side: Side, tiles: Tiles, materials: tuple[str, ...]) -> np.ndarray:
-    """Composition as the façade is, shape (tile, material), 0 or 1.
+def composition(
+    case: Case, side: Side, tiles: Tiles, materials: tuple[str, ...], points: int = 1
+) -> np.ndarray:
+    """Composition as the façade is, shape (tile, material), by so many points squared in each tile.
 
-    The tiles are between `heights`.
-    """
-    assert case.room is not None
-    facade, length = case.facade.get(side, Facade()), case.room.wall(side)[0]
-    left, right, bottom, top = tiles.bounds.T
-    names = fill_at(facade, length, (left + right) / 2, (bottom + top) / 2)
-    return (names[:, None] == np.array(materials)).astype(float)
-
-
-def shares(case: Case, side: Side, tiles: Tiles, materials: tuple[str, ...]) -> np.ndarray:
-    """Composition of any tiles as the façade is, shape (tile, material), by points within each.
-
-    What is none of the materials counts as wall, the first one.
+    One in the middle is enough for tiles between `heights`. What is none of the materials counts as
+    wall, the first one.
     """
     assert case.room is not None
     facade, length = case.facade.get(side, Facade()), case.room.wall(side)[0]
     left, right, bottom, top = tiles.bounds.T[..., None, None]
-    u, v = (np.arange(POINTS) + 0.5) / POINTS, (np.arange(POINTS) + 0.5)[:, None] / POINTS
-    x, z = np.broadcast_arrays(left + u * (right - left), bottom + v * (top - bottom))
+    part = (np.arange(points) + 0.5) / points
+    x, z = left + part * (right - left), bottom + part[:, None] * (top - bottom)
+    x, z = np.broadcast_arrays(x, z)
     names = fill_at(facade, length, x.ravel(), z.ravel()).reshape(len(left), -1, 1)
     share = (names == np.array(materials)).mean(axis=1)
     share[:, 0] += 1 - share.sum(axis=1)

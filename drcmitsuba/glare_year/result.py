@@ -260,10 +260,9 @@ class GlareYear:
             storage.save_netcdf(self.hours, folder / "glare.nc")
             storage.save_json(self.numbers(), folder / "glare.json")
             plots.save(self.year_plot(), folder / "glare_year.png")
-            plans = plots.save_all(self.plan_plots(), folder)
-            for old in set(folder.glob("glare_plan*.png")).difference(plans):
-                if PLAN.fullmatch(old.name):  # of another number of storeys
-                    old.unlink()
+            plans = self.plan_plots()
+            plots.save_all(plans, folder)
+            storage.remove_others(folder, PLAN, plans)  # of another number of storeys
         return self
 
     def year_plot(self, view: str | None = None, state: str | None = None) -> Figure:

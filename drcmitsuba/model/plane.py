@@ -48,6 +48,10 @@ class Plane:
         ]
         return shapely.Polygon(flat[0], flat[1:])
 
+    def shape(self, rings: Sequence[np.ndarray]) -> Any:
+        """Such a polygon made valid: holes end at its outline, which may not cross itself."""
+        return shapely.make_valid(self.polygon(rings))
+
     def rings(self, shape: Any, least: float = 0.0) -> list[Rings]:
         """Outline and holes (corner, 3) of each polygon of a shape with more than the least area.
 

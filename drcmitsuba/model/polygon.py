@@ -32,6 +32,12 @@ def area_vector(corners: np.ndarray) -> np.ndarray:
     return np.asarray(np.cross(c, np.roll(c, -1, axis=0)).sum(axis=0) / 2)
 
 
+def closes(areas: np.ndarray, missing: float) -> bool:
+    """Whether area vectors (face, 3) are those of a closed body, of which a part may be missing."""
+    whole = float(np.linalg.norm(areas, axis=1).sum())
+    return bool(np.linalg.norm(areas.sum(axis=0)) <= missing * whole)
+
+
 def quads_of(corners: np.ndarray, holes: Sequence[np.ndarray] = ()) -> np.ndarray:
     """Cut a polygon into parallelograms and triangles.
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from drcmitsuba.bsdf import advice
-from drcmitsuba.case.accuracy import Target
+from drcmitsuba.case.accuracy import SMALLEST_CELL, Target
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.model_case import notes_on_groups
 from drcmitsuba.colour.bands import Bands
@@ -26,8 +26,6 @@ from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.spaces import box_and_note
 from drcmitsuba.scene.surfaces import surfaces_of
 
-SMALLEST_CELL = 1e-3
-"""Least size of a cell that a case may give [m]."""
 MOST_LOST = 1e-3
 """Part of the photons' flux that may be lost without a note."""
 MOST_SMEARED = 0.1

@@ -20,7 +20,7 @@ from drcmitsuba.report.sheets import MOST_SHEETS, sheets
 from drcmitsuba.report.sun_path import sun_path
 from drcmitsuba.report.temporal_map import temporal_map
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.scene.nearest_sensors import nearest_sensors
+from drcmitsuba.scene.nearest_sensors import nearest_sensors, positions_of
 from drcmitsuba.schema import luminance
 from drcmitsuba.sky.weather import Site
 
@@ -80,7 +80,7 @@ def year_figures(
         title=f"{case.name}: mean illuminance of all sensors{shade}",
     ).figure  # fmt: skip
     every = positions_of(illuminance)
-    for sensor in nearest_sensors(every, points, "points"):
+    for sensor in nearest_sensors(illuminance, points, "points"):
         at = ", ".join(f"{x:g}" for x in every[sensor])
         drawn[f"illuminance_year_{sensor}.png"] = temporal_map(
             E.isel(sensor=sensor), caption=caption,
@@ -123,12 +123,6 @@ def site_of(name: str, illuminance: xr.Dataset) -> Site | None:
             remedy = f"give a number up to {largest:g}"
             raise InputError("illuminance", key, f"{at[key]:g}", remedy)
     return Site(name, **at, elevation=0.0)
-
-
-def positions_of(illuminance: xr.Dataset) -> np.ndarray:
-    """Positions of the sensors of E, x, y, and z where it has heights [m], shape (sensor, axis)."""
-    axes = [axis for axis in "xyz" if axis in illuminance.coords]
-    return np.column_stack([illuminance[axis].values for axis in axes])
 
 
 def _in_plan(

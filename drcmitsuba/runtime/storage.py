@@ -8,7 +8,7 @@ import os
 import re
 import shutil
 import uuid
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -61,6 +61,13 @@ def remove(path: Path) -> None:
         shutil.rmtree(path, ignore_errors=True)
     else:
         path.unlink(missing_ok=True)
+
+
+def remove_others(folder: Path, names: re.Pattern[str], kept: Collection[str]) -> None:
+    """Remove files of some names from a folder, but for those that are kept."""
+    for path in folder.iterdir():
+        if names.fullmatch(path.name) and path.name not in kept:
+            path.unlink(missing_ok=True)
 
 
 def _refuse_full_disk(path: Path, size: int) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import xarray as xr
 
 from drcmitsuba.runtime.errors import InputError
 
@@ -15,19 +16,24 @@ NEAR = 1.0
 """Largest distance from a point to its nearest sensor [m]."""
 
 
+def positions_of(sensors: xr.Dataset) -> np.ndarray:
+    """Positions x, y, and z where there are heights [m], shape (sensor, axis)."""
+    return np.column_stack([sensors[axis].values for axis in "xyz" if axis in sensors.coords])
+
+
 def nearest_sensors(
-    at: np.ndarray, points: Sequence[Sequence[float]], source: Path | str
+    sensors: xr.Dataset, points: Sequence[Sequence[float]], source: Path | str
 ) -> list[int]:
     """Numbers of the sensors nearest to points (x, y) or (x, y, z) [m], each once.
 
-    `at` are all sensors [m], shape (sensor, 2 or 3); errors name the `source` of the points.
+    Errors name the `source` of the points.
 
     Raises
     ------
     InputError
         Too many points, or one that is far from all sensors.
     """
-    chosen = []
+    at, chosen = positions_of(sensors), []
     if len(points) > MOST_POINTS:
         got = f"{len(points)} points"
         raise InputError(source, "points", got, f"give at most {MOST_POINTS} of them")

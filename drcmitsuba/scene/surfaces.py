@@ -165,7 +165,6 @@ def _model_surfaces(case: Case, front: PanesInState) -> list[Surface]:
     """
     made, start, layers = [], origin(case), case.building.layers
     panes = panes_of_model(case.building)
-    between = ~panes.outside
     for i, quads in enumerate(panes.quads):
         layer = layers[i]
         if layer.deviates:  # a component
@@ -175,7 +174,7 @@ def _model_surfaces(case: Case, front: PanesInState) -> list[Surface]:
         if front.index_of(layer.stands_in) != 0:
             continue
         groups = front.groups.of_quads[i]
-        indoors = np.isin(layer.polygon, panes.polygon[between & (panes.layer == i)])
+        indoors = np.isin(layer.polygon, panes.polygon[~panes.outside & (panes.layer == i)])
         for group, within in sorted({*zip(groups.tolist(), indoors.tolist(), strict=True)}):
             is_grouped = group != NO_GROUP
             material = front.layer(layer, group) if is_grouped else front.rest(layer)

@@ -31,7 +31,7 @@ from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import coefficients
 from drcmitsuba.transport.deposit import Deposit
-from tests.model_rooms import case_of, l_room, layer, prism
+from tests.model_rooms import case_of, l_room, layer, prism, shell
 
 DIAMETER = 20.0
 SUNS = np.array([[0.3, -0.7, 0.5], [0.8, -0.2, 0.4], [-0.1, 0.2, 0.95]])
@@ -117,16 +117,12 @@ def test_sloped_and_triangular_panes_that_scatter(pane, same, plain_coefficients
 
 def partitioned(**tables):
     """Room with a window to the south, and a white partition that lets light through before it."""
-    floor, ceiling, walls = prism([(0, 0), (4, 0), (4, 5), (0, 5)], 3.0)
     window = np.array([[0.5, 0, 0.9], [3.5, 0, 0.9], [3.5, 0, 2.7], [0.5, 0, 2.7]])
     white = DiffuserMaterial(
         type="diffuser", transmittance=0.4, reflectance=0.4, outer_reflectance=0.4
     )
     return case_of(
-        layer("floor", Lambertian(0.3), floor),
-        layer("ceiling", Lambertian(0.8), ceiling),
-        layer("facade", Lambertian(0.5), walls[0], holes=[window]),
-        layer("walls", Lambertian(0.5), *walls[1:]),
+        *shell(4, 5, window),
         layer("glass", GlazingMaterial(type="glazing", transmittance=0.7), window),
         layer("partition", white, [(0, 2, 0), (0, 2, 3), (4, 2, 3), (4, 2, 0)]),
         **tables,

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-import shapely
 
 from drcmitsuba.model.gbxml.entries import GbxmlEntry
 from drcmitsuba.model.gbxml.gaps import LEAST as LEAST_GAP
@@ -17,7 +16,7 @@ from drcmitsuba.model.materials import GlazingMaterial, two_sided
 from drcmitsuba.model.model import Layer, Role
 from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.plane import Plane, Rings
-from drcmitsuba.model.polygon import NoAreaError, area_vector, quads_of
+from drcmitsuba.model.polygon import NoAreaError, area_vector, closes, quads_of
 from drcmitsuba.model.shared_walls import (
     COVERED,
     UNSTATED,
@@ -113,7 +112,7 @@ class GbxmlSurfaces:
     def _opened(self, surface: GbxmlEntry, ring: np.ndarray) -> list[Rings]:
         """Polygons that the openings of a surface leave of it; adds these."""
         plane = Plane.of(ring)
-        whole = shapely.make_valid(plane.polygon([ring]))
+        whole = plane.shape([ring])
         rest = whole
         for opening in surface.children("Opening"):
             corners = opening.ring() * self.metres
@@ -121,7 +120,7 @@ class GbxmlSurfaces:
             if off > OFF_PLANE:
                 got = f"a corner {off:.2f} m off the plane of {surface.place}"
                 raise opening.refuse("PlanarGeometry", got, "put it into its surface")
-            shape = shapely.make_valid(plane.polygon([corners]))
+            shape = plane.shape([corners])
             inside = whole.intersection(shape)
             if inside.area < LEAST:
                 got = f"it lies beside {surface.place}"
@@ -272,9 +271,8 @@ def inside_out(surfaces: Sequence[GbxmlEntry]) -> frozenset[str]:
         corners = np.concatenate(around)
         areas = np.array([area_vector(side) for side in around])
         middles = np.array([side.mean(axis=0) for side in around]) - corners.mean(axis=0)
-        whole = float(np.linalg.norm(areas, axis=1).sum())
-        closes = np.linalg.norm(areas.sum(axis=0)) <= NEARLY * whole
-        if closes and (areas * middles).sum() < -NEARLY * whole * np.ptp(corners, axis=0).max():
+        least = NEARLY * np.linalg.norm(areas, axis=1).sum() * np.ptp(corners, axis=0).max()
+        if closes(areas, NEARLY) and (areas * middles).sum() < -least:
             out.add(name)
     return frozenset(out)
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -321,7 +321,7 @@ def opened_rings(face: JsonEntry) -> tuple[np.ndarray, ...]:
     outlines = [rings[0] for rings in panes]
     if any(len(rings) > 1 for rings in panes):
         plane = Plane.of(rings_of(face)[0])
-        whole = shapely.union_all([_shape(plane, [ring]) for ring in outlines])
+        whole = shapely.union_all([plane.shape([ring]) for ring in outlines])
         outlines = [rings[0] for rings in plane.rings(whole)]
     return (*rings_of(face), *outlines)
 
@@ -333,13 +333,8 @@ def walls_in_panes(face: JsonEntry) -> list[tuple[np.ndarray, ...]]:
     if not holes:
         return []
     plane = Plane.of(rings_of(face)[0])
-    shape = shapely.union_all([_shape(plane, [hole]) for hole in holes])
-    return plane.rings(shape - shapely.union_all([_shape(plane, rings) for rings in panes]))
-
-
-def _shape(plane: Plane, rings: Sequence[np.ndarray]) -> Any:
-    """Outline and holes in a plane; holes that reach beyond the outline end there."""
-    return shapely.make_valid(plane.polygon(rings))
+    shape = shapely.union_all([plane.shape([hole]) for hole in holes])
+    return plane.rings(shape - shapely.union_all([plane.shape(rings) for rings in panes]))
 
 
 def _panes(face: JsonEntry) -> list[tuple[np.ndarray, ...]]:

@@ -8,6 +8,7 @@ from contextlib import suppress
 import numpy as np
 import shapely
 
+from drcmitsuba.model.ifc.shapes import area_vectors
 from drcmitsuba.model.plane import Plane, Rings
 from drcmitsuba.model.polygon import NoAreaError, quads_of
 from drcmitsuba.runtime import lazy
@@ -44,7 +45,7 @@ def sheets_of(triangles: np.ndarray) -> np.ndarray:
         Parallelograms, and triangles that repeat their last corner [m].
     """
     out = [np.empty((0, 4, 3))]
-    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]) / 2
+    normal = area_vectors(triangles)
     area, body = np.linalg.norm(normal, axis=1), _bodies(triangles)
     triangles, normal, area, body = (a[area > 0] for a in (triangles, normal, area, body))
     first = 0.0

@@ -13,7 +13,7 @@ import numpy as np
 
 from drcmitsuba.model.facets import facet_quads, join
 from drcmitsuba.model.ifc.panes import sheets_of
-from drcmitsuba.model.ifc.shapes import IfcShape, opened, shapes_of
+from drcmitsuba.model.ifc.shapes import IfcShape, area_vectors, opened, shapes_of
 from drcmitsuba.model.ifc.spaces import spaces_of
 from drcmitsuba.model.model import Layer, Location, Model, Role
 from drcmitsuba.model.notes import Notes
@@ -135,7 +135,7 @@ def _sides(shape: IfcShape, triangles: np.ndarray) -> Iterator[tuple[str, np.nda
     if not shape.is_any(*LEVEL):
         yield kind, triangles
         return
-    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    normal = area_vectors(triangles)
     up = normal[:, 2] / np.maximum(np.linalg.norm(normal, axis=1), 1e-12)
     for name, chosen in (
         ("floor", up > STEEP), ("ceiling", up < -STEEP), (kind, np.abs(up) <= STEEP),

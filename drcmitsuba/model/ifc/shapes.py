@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from drcmitsuba.model.polygon import closes
 from drcmitsuba.model.source_file import size_of
 from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.errors import InputError, printable
@@ -141,13 +142,16 @@ def outward(triangles: np.ndarray) -> np.ndarray:
 
     A mapping that mirrors turns them over.
     """
-    if not len(triangles):
+    areas = area_vectors(triangles)
+    if not (len(triangles) and closes(areas, OPEN)):
         return triangles
-    areas = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    whole = float(np.linalg.norm(areas, axis=1).sum())
-    is_open = np.linalg.norm(areas.sum(axis=0)) > OPEN * whole
     volume = float((areas * (triangles[:, 0] - triangles.mean(axis=(0, 1)))).sum())
-    return triangles if is_open or volume >= 0 else triangles[:, ::-1]
+    return triangles if volume >= 0 else triangles[:, ::-1]
+
+
+def area_vectors(triangles: np.ndarray) -> np.ndarray:
+    """Normals times areas of triangles (triangle, 3, 3), front counter-clockwise [m²]."""
+    return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]) / 2
 
 
 def _clear(materials: Sequence[Any]) -> np.ndarray:

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from drcmitsuba.model.ifc.shapes import OPEN, IfcShape
+from drcmitsuba.model.ifc.shapes import OPEN, IfcShape, area_vectors
 from drcmitsuba.model.notes import Notes
+from drcmitsuba.model.polygon import closes
 from drcmitsuba.model.space import Space, floors_of, numbered, volume_of
 
 DOWN = -0.9
@@ -20,8 +21,8 @@ def spaces_of(shapes: Sequence[IfcShape], notes: Notes) -> tuple[Space, ...]:
     spaces = []
     for shape in shapes:
         triangles, element = shape.triangles, shape.element
-        normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-        level = normal[:, 2] < DOWN * np.linalg.norm(normal, axis=1)
+        areas = area_vectors(triangles)
+        level = areas[:, 2] < DOWN * np.linalg.norm(areas, axis=1)
         ceiling = float(triangles[..., 2].max())
         floors = floors_of([(triangle,) for triangle in triangles[level]], ceiling)
         name = " ".join(filter(None, (element.Name, element.LongName))) or element.GlobalId
@@ -35,18 +36,11 @@ def spaces_of(shapes: Sequence[IfcShape], notes: Notes) -> tuple[Space, ...]:
                 ceiling=ceiling,
                 use=_use(element),
                 storey=_storey(element),
-                volume=_volume(triangles, normal / 2),
+                # None where the solid is open, whose triangles may face any way.
+                volume=volume_of([(t,) for t in triangles]) if closes(areas, OPEN) else None,
             )
         )
     return numbered(spaces)
-
-
-def _volume(triangles: np.ndarray, areas: np.ndarray) -> float | None:
-    """Volume of a solid [m³]; None where the area vectors of its faces do not add up to 0."""
-    whole = float(np.linalg.norm(areas, axis=1).sum())
-    if np.linalg.norm(areas.sum(axis=0)) > OPEN * whole:
-        return None
-    return abs(volume_of([(triangle,) for triangle in triangles]))
 
 
 def _use(element: Any) -> str:

@@ -116,8 +116,9 @@ class CellGrid:
         bounds = _bounds_of_rooms(scene)
         if bounds is None:
             return self
-        of_axes = planes(furniture(scene))
-        walls = adjoined(_surfaces(scene), bounds, self.size)
+        surfaces = _surfaces(scene)
+        of_axes = planes(standing(surfaces, *bounds))
+        walls = adjoined(surfaces, bounds, self.size)
         if not any(map(len, (*of_axes, *walls))):
             return self
         low, extent = np.array(self.low), np.ptp(bounds, axis=0)

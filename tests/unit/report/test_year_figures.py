@@ -12,7 +12,7 @@ from drcmitsuba.report import glare_plots, plots
 from drcmitsuba.report.section import sensors_along, through_middle
 from drcmitsuba.report.sun_path import radius
 from drcmitsuba.report.temporal_map import day_by_hour
-from drcmitsuba.report.year_figures import positions_of, site_of, year_figures
+from drcmitsuba.report.year_figures import site_of, year_figures
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.nearest_sensors import nearest_sensors
 from drcmitsuba.sky.weather import Site
@@ -264,10 +264,9 @@ def test_an_evaluation_gets_pictures_that_name_case_place_period_and_metric():
 
 def test_points_far_from_sensors_and_places_off_the_earth_are_refused():
     _, E, _ = illuminance_of_a_year()
-    at = positions_of(E)
-    assert nearest_sensors(at, [(0.7, 0.7), (0.8, 0.7), (2.2, 1.3)], "x") == [0, 9]
+    assert nearest_sensors(E, [(0.7, 0.7), (0.8, 0.7), (2.2, 1.3)], "x") == [0, 9]
     with pytest.raises(InputError, match=r"no sensor within 1 m of 40, 0.*one is at 3.25, "):
-        nearest_sensors(at, [(40.0, 0.0)], "x")
+        nearest_sensors(E, [(40.0, 0.0)], "x")
     with pytest.raises(InputError, match="latitude: 91"):
         site_of("x", E.assign_attrs(latitude=91.0))
     assert site_of("x", E.drop_attrs()) is None

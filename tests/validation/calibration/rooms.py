@@ -12,7 +12,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.model.materials import BsdfMaterial, GlazingMaterial, Lambertian, MirrorMaterial
 from drcmitsuba.sky.sun_models import Suns
 from tests import ROOT
-from tests.model_rooms import case_of, l_room, layer, prism
+from tests.model_rooms import case_of, l_room, layer, shell
 
 NARROW, WIDE = 0.533, 10.0
 """Angles across a sun [deg]."""
@@ -141,7 +141,6 @@ def mirror_opposite(images: bool = False) -> Case:
     wall is further away than that: rays of Mitsuba start a distance from surfaces that grows with
     the coordinates, 2 cm in a scene of 200 m, in which the room was 1.6 % brighter.
     """
-    floor, ceiling, walls = prism([(0, 0), (5, 0), (5, 6), (0, 6)], 3.0)
     window = np.array([[0.5, 0, 0.9], [4.5, 0, 0.9], [4.5, 0, 2.6], [0.5, 0, 2.6]])
     x, z = np.array([[-8, 13], [0, 24]])
 
@@ -156,10 +155,7 @@ def mirror_opposite(images: bool = False) -> Case:
         dark = [*aside, above, upright(0, 5, 0, 3, -20), roof]
         opposite.append(layer("screen", Lambertian(0.0), *dark))
     return case_of(
-        layer("floor", Lambertian(0.3), floor),
-        layer("ceiling", Lambertian(0.8), ceiling),
-        layer("facade", Lambertian(0.5), walls[0], holes=[window]),
-        layer("walls", Lambertian(0.5), *walls[1:]),
+        *shell(5, 6, window),
         layer("glass", GlazingMaterial(type="glazing", transmittance=0.7), window),
         *opposite,
         sensors={"floors": ["floor"], "spacing": 0.8, "margin": 0.5},
@@ -176,7 +172,6 @@ def roof_light() -> Case:
 
 def film_behind_glass() -> Case:
     """Measured film 0.1 m behind clear glass that is larger than it, in a model."""
-    floor, ceiling, walls = prism([(0, 0), (5, 0), (5, 6), (0, 6)], 3.0)
 
     def upright(y: float, rim: float) -> np.ndarray:
         left, right, bottom, top = 0.5 - rim, 4.5 + rim, 0.9 - rim, 2.6 + rim
@@ -184,10 +179,7 @@ def film_behind_glass() -> Case:
 
     window = upright(0.0, 0.0)
     return case_of(
-        layer("floor", Lambertian(0.3), floor),
-        layer("ceiling", Lambertian(0.8), ceiling),
-        layer("facade", Lambertian(0.5), walls[0], holes=[window]),
-        layer("walls", Lambertian(0.5), *walls[1:]),
+        *shell(5, 6, window),
         layer("glass", GlazingMaterial(type="glazing", transmittance=0.7), upright(-0.1, 0.3)),
         layer("film", BsdfMaterial(type="bsdf", file=str(PRISM)), window),
         sensors={"floors": ["floor"], "spacing": 0.8, "margin": 0.5},

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -41,9 +42,13 @@ def random_box(rng: np.random.Generator) -> Case:
     })  # fmt: skip
 
 
-def pane(rng: np.random.Generator) -> dict[str, Any]:
+KINDS = {"glazing": 0.5, "diffuser": 0.2, "fabric": 0.15, "film": 0.15}
+"""Kinds of panes, and how likely each is drawn."""
+
+
+def pane(rng: np.random.Generator, kinds: Mapping[str, float] = KINDS) -> dict[str, Any]:
     """Material of panes: clear glass, a diffusing sheet, a fabric, or a measured film."""
-    kind = rng.choice(["glazing", "diffuser", "fabric", "film"], p=[0.5, 0.2, 0.15, 0.15])
+    kind = rng.choice([*kinds], p=[*kinds.values()])
     if kind == "film":
         return {"type": "bsdf", "file": str(PRISM), "straight_through": "off"}
     if kind == "glazing":

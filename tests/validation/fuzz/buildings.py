@@ -6,12 +6,15 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial, Lambertian
+from drcmitsuba.model.materials import Lambertian, Material
 from tests.model_rooms import case_of, layer, prism
-from tests.validation.calibration.rooms import PRISM
+from tests.validation.fuzz.boxes import pane
 
+MATERIAL: TypeAdapter = TypeAdapter(Material)
+"""Material of a table."""
 LEAST = 0.6
 """Least width and height of a pane [m]."""
 
@@ -82,11 +85,11 @@ def random_building(rng: np.random.Generator) -> Case:
         wall = placed(row.partition(x))
         layers.append(layer(f"partition at {x:.1f} m", Lambertian(rho), wall, holes=holes))
         panes += [hole] if kind == "glass" else []
-    materials = rng.permutation([pane(rng, film=True), pane(rng, film=False)])
+    tables = rng.permutation([pane(rng), pane(rng, {"glazing": 0.7, "diffuser": 0.3})])
     of_pane = rng.integers(2, size=len(panes))
     for number in np.unique(of_pane):
         its = [placed(panes[i]) for i in np.flatnonzero(of_pane == number)]
-        layers.append(layer(f"pane {number}", materials[number], *its))
+        layers.append(layer(f"pane {number}", MATERIAL.validate_python(tables[number]), *its))
     if rng.random() < 0.5:
         layers.append(layer("body", Lambertian(rho), *placed(body(rng, row))))
     sensors = {
@@ -117,17 +120,3 @@ def between(rng: np.random.Generator, low: float, high: float) -> tuple[float, f
     length = rng.uniform(LEAST, high - low - 0.2)
     start = rng.uniform(low + 0.1, high - 0.1 - length)
     return start, start + length
-
-
-def pane(rng: np.random.Generator, film: bool) -> GlazingMaterial | DiffuserMaterial | BsdfMaterial:
-    """Clear glass, a diffusing sheet, or a `film`."""
-    kind = rng.choice(["glazing", "diffuser", "film"], p=[0.6, 0.3, 0.1])
-    if kind == "film" and film:
-        return BsdfMaterial(type="bsdf", file=str(PRISM), straight_through="off")
-    if kind == "diffuser":
-        passed, back, front = rng.uniform([0.1, 0, 0], [0.5, 0.4, 0.4]).tolist()
-        sides = {"reflectance": back, "outer_reflectance": front}
-        return DiffuserMaterial(type="diffuser", transmittance=passed, **sides)
-    mirrored = float(rng.choice([0.0, 0.1, 0.3]))
-    passed = float(rng.uniform(0.1, 0.9 - mirrored))
-    return GlazingMaterial(type="glazing", transmittance=passed, reflectance=mirrored)

@@ -16,6 +16,7 @@ from tests.validation.fuzz.agreement import Sample, with_replicates
 from tests.validation.fuzz.boxes import pane, random_box
 
 TIMES = [f"2015-{day}T{hour:02d}:30" for day in ("01-20", "03-21", "06-21") for hour in (9, 12, 15)]
+FOLDER = tempfile.TemporaryDirectory()  # until Python ends: samples are read late
 FILLS = {"first": "one", "second": "two", "third": "third", "hole": "open"}
 """Materials of a façade, by the fills that are chosen: copies, so that no name is taken twice."""
 
@@ -57,6 +58,6 @@ def random_choice(rng: np.random.Generator) -> Sample:
 
 def at_times(case: Case) -> Case:
     """The case at few time stamps, whose suns shine from many directions."""
-    with tempfile.NamedTemporaryFile("w", suffix=".csv", delete=False) as file:
-        file.write("time\n" + "\n".join(TIMES) + "\n")
-    return case.with_tables(period=PeriodTable(timestamps=str(Path(file.name))))
+    file = Path(FOLDER.name) / "times.csv"
+    file.write_text("time\n" + "\n".join(TIMES) + "\n")
+    return case.with_tables(period=PeriodTable(timestamps=str(file)))
