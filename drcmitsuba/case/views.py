@@ -24,9 +24,9 @@ class ViewTable(Table):
     """View from a point, as a picture shows it and an eye is glared."""
 
     position: Point
-    """Place of the eye [m]."""
+    """Place of the eye, before a [room] is turned by `rotation` [m]."""
     direction: Vector
-    """Vector to the centre of the picture, of any length [–]."""
+    """Vector to the centre of the picture, of any length, turned with the room [–]."""
     up: Vector = (0.0, 0.0, 1.0)
     """Vector that points up in the picture, of any length [–]."""
     kind: Literal["perspective", "hemispherical", "equidistant", "equisolid"] = "equidistant"

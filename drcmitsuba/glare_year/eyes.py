@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from drcmitsuba.case.case import Case
 from drcmitsuba.picture.view import PictureView, of_model
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.scene.geometry import origin, rotation
+from drcmitsuba.scene.geometry import given_points, origin, rotation
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.sensors import refuse_in_solids
 
@@ -104,12 +104,10 @@ def _of_case(case: Case) -> tuple[tuple[str, ...], list[PictureView]]:
 
 def _round(case: Case, points: ArrayLike) -> tuple[tuple[str, ...], list[PictureView]]:
     """Eight horizontal views round each point."""
-    places = np.atleast_2d(np.asarray(points, float))
-    if places.ndim != 2 or places.shape[1] != 3 or not np.isfinite(places).all() or not len(places):
-        raise InputError("glare", "points", f"shape {places.shape}", "give rows of x, y, z [m]")
+    places = given_points(points, case.source)
     if 8 * len(places) > MOST_VIEWS:
         got = f"{len(places)} points of eight views"
-        raise InputError("glare", "points", got, f"at most {MOST_VIEWS // 8}")
+        raise InputError(case.source, "points", got, f"at most {MOST_VIEWS // 8}")
     names = [f"point {i}" for i in range(1, len(places) + 1)]
     refuse_in_solids(case, places - origin(case), origin(case), names)
     compass = np.radians(45.0 * np.arange(8))

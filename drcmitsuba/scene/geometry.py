@@ -9,9 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import MeshComponent
@@ -21,7 +23,8 @@ from drcmitsuba.case.room import Room
 from drcmitsuba.case.sensors import Sensors
 from drcmitsuba.model.materials import SurfaceMaterial
 from drcmitsuba.model.model import Model, areas
-from drcmitsuba.runtime.toml import Side
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import Side, shortened
 
 UP = np.array([0.0, 0.0, 1.0])
 SIDES: tuple[Side, ...] = ("south", "east", "north", "west")
@@ -276,6 +279,26 @@ def recentred(case: Case) -> Case:
 def in_file(case: Case, points: np.ndarray) -> np.ndarray:
     """Points (…, 3) [m] of the traced frame in the coordinates of the case's or model's file."""
     return np.asarray(points @ rotation(case) + origin(case))
+
+
+def given_points(points: ArrayLike, source: Path | str) -> np.ndarray:
+    """Points [m] that a user gives, shape (point, 3); one by itself is a row.
+
+    Errors name the `source` of the points.
+
+    Raises
+    ------
+    InputError
+        There is none, or what is given is no finite x, y and z of each.
+    """
+    try:
+        rows = np.atleast_2d(np.asarray(points, float))
+    except (TypeError, ValueError):
+        rows = np.empty(0)
+    if rows.ndim != 2 or rows.shape[1] != 3 or not len(rows) or not np.isfinite(rows).all():
+        got = shortened(" ".join(str(points).split()))
+        raise InputError(source, "points", got, "give x, y and z of each in metres")
+    return rows
 
 
 def around(case: Case) -> str:

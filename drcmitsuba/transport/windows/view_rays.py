@@ -16,7 +16,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.launch_size import SHADOW_RAYS
 from drcmitsuba.scene import scene as scenes
-from drcmitsuba.scene.geometry import origin, rotation
+from drcmitsuba.scene.geometry import given_points, origin, rotation
 from drcmitsuba.scene.panes_in_state import grouped_panes
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.sensors import refuse_in_solids
@@ -67,10 +67,7 @@ def view_distances(
     if points is None:
         eyes, coords = prepared(case).receivers.points, prepared(case).receivers.coordinates.coords
     else:
-        given = np.asarray(points, float)
-        if given.ndim != 2 or given.shape[1] != 3 or not np.isfinite(given).all():
-            got = f"the shape {given.shape}, or numbers that are not finite"
-            raise InputError(case.source, "points", got, "give x, y and z of each [m]")
+        given = given_points(points, case.source)
         refuse_in_solids(case, given - origin(case), origin(case))
         eyes = (given - origin(case)) @ rotation(case).T
         at = eyes + origin(case)

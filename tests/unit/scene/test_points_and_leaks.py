@@ -12,7 +12,7 @@ from drcmitsuba.model.space import Space, SpaceFloor
 from drcmitsuba.plan import notes, plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.scene.geometry import normals
+from drcmitsuba.scene.geometry import given_points, normals
 from drcmitsuba.scene.leaks import crack_notes, refuse_leaks
 from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.scene import load
@@ -189,3 +189,13 @@ def test_a_film_behind_another_pane_faces_the_room(winding):
     turned = panes.quads[[each.name for each in layers].index("glass")]
     np.testing.assert_allclose(normals(turned), [[0, 1, 0]] * len(turned), atol=1e-9)
     assert panes.outside.tolist() == [name == "storm" for name in names]
+
+
+@pytest.mark.parametrize("points", [["hole"], [(1, 2)], [], [(1, 2, np.nan)], [(1, 2, 3), (1, 2)]])
+def test_points_that_are_none_are_refused(points):
+    with pytest.raises(InputError, match="x, y and z of each"):
+        given_points(points, "case.toml")
+
+
+def test_one_point_is_a_row():
+    assert given_points((1, 2, 3), "case.toml").tolist() == [[1, 2, 3]]
