@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from drcmitsuba.case.groups import OPEN
@@ -113,6 +114,9 @@ def _row(opening: str, fills: tuple[str, ...], shares: Mapping[str, float]) -> n
         raise InputError("choice", opening, got, remedy)
     row = np.zeros(len(fills), np.float32)
     for name, share in shares.items():
+        if not isinstance(share, int | float | np.number):
+            got = f"the share {shortened(str(share))} of {shortened(str(name))}"
+            raise InputError("choice", opening, got, "give a number from 0 to 1")
         row[_index(opening, fills, name)] += share
     return _checked(opening, row[None])[0]
 
@@ -127,20 +131,24 @@ def _by_hour(
     if "time" in given.coords:
         given = given.sortby("time")
         known = given["time"].values
+        if (twice := known[1:] == known[:-1]).any():
+            stamp = np.datetime_as_string(known[1:][np.argmax(twice)], unit="m")
+            raise InputError("choice", opening, f"two fills at {stamp}", "name one")
     elif given.sizes["time"] == len(time):
         known = time
     else:
         got = f"{given.sizes['time']} entries without time stamps, the period has {len(time)}"
         raise InputError("choice", opening, got, "give the coordinate time")
     at = np.minimum(np.searchsorted(known, time), len(known) - 1)
-    if (known[at] != time).any():
-        missing = np.datetime_as_string(time[np.argmax(known[at] != time)], unit="m")
-        got, remedy = f"no fill at {missing}", "name one for every time stamp"
-        raise InputError("choice", opening, got, remedy)
     values = given.transpose("time", ...).values[at]
+    missing = (known[at] != time) | pd.isnull(values).reshape(len(time), -1).any(axis=1)
+    if missing.any():
+        stamp = np.datetime_as_string(time[np.argmax(missing)], unit="m")
+        got, remedy = f"no fill at {stamp}", "name one for every time stamp"
+        raise InputError("choice", opening, got, remedy)
     out = np.zeros((len(time), len(fills)), np.float32)
     if "fill" not in given.dims:
-        for name in np.unique(values):
+        for name in dict.fromkeys(values.tolist()):
             out[values == name, _index(opening, fills, name)] = 1
         return out
     names = given["fill"].values if "fill" in given.coords else range(given.sizes["fill"])

@@ -30,6 +30,7 @@ from drcmitsuba.case.reading import load_case
 from drcmitsuba.plan import Plan, notes, without_rounds
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.labelled import in_order
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.scene.fills import Fills, names_of
@@ -133,7 +134,8 @@ class Elements:
         Parameters
         ----------
         states : np.ndarray or DataArray of int, shape (time, opening)
-            Index of the fill of every opening at every time stamp.
+            Index of the fill of every opening at every time stamp; labels `time` and `group`, where
+            an array has them, count.
 
         Returns
         -------
@@ -145,7 +147,9 @@ class Elements:
         InputError
             Another shape, or an index out of range.
         """
-        given, light, known = np.asarray(states), self.daylight.alone(), self.groups
+        light, known = self.daylight.alone(), self.groups
+        labels = {"time": light.sky["time"].values, "group": known.names}
+        given = in_order(states, labels, "states")
         shape = (light.sky.sizes["time"], len(known))
         if given.shape != shape:
             got = f"the shape {given.shape}"

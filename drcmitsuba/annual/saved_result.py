@@ -20,6 +20,7 @@ from drcmitsuba.plan.forecast import Forecast
 from drcmitsuba.runtime import backend, storage
 from drcmitsuba.runtime.background import beside
 from drcmitsuba.runtime.byte_size import size_on_disk
+from drcmitsuba.runtime.folder_lock import locked
 from drcmitsuba.runtime.machine_memory import peak_memory
 from drcmitsuba.runtime.progress import Progress, Stage, part, rough, silent
 from drcmitsuba.scene.enabled_effects import EnabledEffects
@@ -79,10 +80,19 @@ class SavedResult(ABC):
         -------
         SavedResult
             The same result, with the seconds and bytes of writing in `metrics` and `plan`.
+
+        Raises
+        ------
+        InputError
+            Another process writes to the folder.
         """
         folder = Path(folder)
+        with locked(folder):
+            return self._saved(folder, stage, drawn)
+
+    def _saved(self: Own, folder: Path, stage: Stage, drawn: DrawnParts | None) -> Own:
+        """Write all files to a folder that other processes leave alone."""
         start = time.perf_counter()
-        folder.mkdir(parents=True, exist_ok=True)
         for name in ("metrics.json", "plan.json"):  # without them, arrays are no result
             (folder / name).unlink(missing_ok=True)
         arrays = self._arrays(folder)

@@ -88,11 +88,9 @@ def channel_stream(
     subdivision = case.sky.subdivision
     rooms = prepared(case).rooms_of(points)
     content = block_content(world, points, normals, accuracy, subdivision, rooms)
-    followed = suns.where(world.effects.enabled_suns(suns))
     yield from compute_blocks(
         world, points, normals, suns, accuracy, subdivision=subdivision,
-        kept=run.kept(f"{case.name}, {state}", *content, followed), rooms=rooms,
-        progress=progress,
+        kept=run.kept(f"{case.name}, {state}", *content, suns), rooms=rooms, progress=progress,
     )  # fmt: skip
     run.ray_counter.update(world.ray_counter.counted())
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -21,6 +22,7 @@ from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.fills import Fills, effects_of, openings_of
 from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.parts_of_year import PartOfYear, parts_of_year
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import Daylight
@@ -64,12 +66,13 @@ def years_of_states(
     points, normals = prepared(case).receivers.at()
     accuracy, effects = run.accuracy(case, len(points)), run.enabled_effects
     channels = scene.channels_of(case, effects)
-    groups, labels = prepared(case).groups, Patches(case.sky.subdivision).labels
-    *first, count = groups.states.starts
+    labels = Patches(case.sky.subdivision).labels
     L = luminances_of(daylight, (*labels, *daylight.suns.labels))
-    shares = elements.chosen(np.array(first), indices, count)
-    year = elements.Year.of(L, shares, len(labels))
-    content = () if run.blocks is None else _content(case, groups, effects, channels)
+    parts = parts_of_year(case, indices)
+    years = [_year_of(each, L, len(labels)) for each in parts]
+    content = () if run.blocks is None else tuple(
+        of for each in parts for of in _content(each.case, each.openings, effects, channels)
+    )  # fmt: skip
     size = max(1, ENTRIES // len(indices))
     for start in range(0, len(points), size):
         here = slice(start, min(start + size, len(points)))
@@ -78,21 +81,31 @@ def years_of_states(
         its = accuracy.model_copy(update={"seed": accuracy.seed + start})
 
         def made(its: Accuracy = its, here: slice = here, done: Progress = done) -> xr.Dataset:
-            years = [
-                elements.illuminance(
-                    case, groups, daylight.suns, its, effects, year, channel=channel,
-                    receivers=(points[here], normals[here]),
-                    progress=part(done, i / len(channels), (i + 1) / len(channels)),
-                )
-                for i, channel in enumerate(channels)
-            ]  # fmt: skip
-            return xr.Dataset({"illuminance": replicates_of(daylight, years, its.replicates)})
+            shape = len(channels), its.replicates, len(indices), here.stop - here.start
+            E, jobs = np.empty(shape, np.float32), len(channels) * len(parts)
+            each = itertools.product(enumerate(channels), zip(parts, years, strict=True))
+            for i, ((number, channel), (mine, year)) in enumerate(each):
+                summed = elements.illuminance(
+                    mine.case, mine.openings, daylight.suns, its, effects, year, channel=channel,
+                    receivers=(points[here] + mine.moved, normals[here]),
+                    progress=part(done, i / jobs, (i + 1) / jobs),
+                )  # fmt: skip
+                for r, values in enumerate(summed):
+                    E[number, r, mine.hours] = values
+            return xr.Dataset({"illuminance": by_replicate(E, daylight)})
 
         kept = run.kept(
             f"{case.name}, year of states", content, points[here], normals[here], its.sampling,
             case.sky.subdivision, daylight.suns, L.data, L.indices, L.indptr, indices,
         )  # fmt: skip
         yield here, kept.kept(here.stop - here.start, made)
+
+
+def _year_of(mine: PartOfYear, L: csr_matrix, sky_bins: int) -> elements.Year:
+    """Luminances and shares of elements in a part of a year."""
+    *first, count = mine.openings.states.starts
+    shares = elements.chosen(np.array(first), mine.indices, count)
+    return elements.Year.of(L[mine.hours], shares, sky_bins)
 
 
 def _content(
@@ -144,8 +157,13 @@ def replicates_of(
             if not values.size:
                 values = np.empty((len(channels), replicates, *year.shape), np.float32)
             values[i, r] = year
+    return by_replicate(values, daylight)
+
+
+def by_replicate(values: np.ndarray, daylight: Daylight) -> xr.DataArray:
+    """Illuminances [lx], (channel, replicate, time, sensor), with their dims and coordinates."""
     dims = ("channel", "replicate", "time", "sensor")
     out = xr.DataArray(values, dims=dims, coords={"time": daylight.sky["time"]})
-    if len(channels) == 1:
+    if len(values) == 1:
         return out.isel(channel=0)
     return out.assign_coords(channel=np.array(list(LUMINANCE_WEIGHTS), dtype=object))

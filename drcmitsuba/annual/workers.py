@@ -105,8 +105,10 @@ class Workers:
 
     def refuse_others(self) -> None:
         """Raise InputError where a worker has another version of the program."""
+        # Of a worker that dies, its successor has another address: others do its job.
+        once = {"pure": False, "allow_other_workers": True}
         futures = [
-            self.client.submit(_refuse_others, self.expected, workers=[address], pure=False)
+            self.client.submit(_refuse_others, self.expected, workers=[address], **once)
             for address in self.client.nthreads()
         ]
         for _ in self._finished(futures):

@@ -162,3 +162,12 @@ class GroupStates:
                 raise InputError("groups", name, got, choose(part, known))
             indices.append(special[part] if part in special else known.index(part))
         return tuple(indices)
+
+
+def told_apart(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of states without slashes, each once."""
+    clean = [name.replace("/", "-") for name in names]
+    return tuple(
+        name if clean.count(name) == 1 and name not in RESERVED else f"{name} {i}"
+        for i, name in enumerate(clean, 1)
+    )

@@ -10,7 +10,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from drcmitsuba.case.groups import OPEN, told_apart
 from drcmitsuba.case.unit_check import ask_about_model
+from drcmitsuba.model.group_states import in_first_state, in_states
 from drcmitsuba.model.materials import (
     Lambertian,
     Reflectance,
@@ -20,7 +22,6 @@ from drcmitsuba.model.materials import (
 from drcmitsuba.model.model import (
     Layer,
     Model,
-    in_first_state,
     joined,
     with_printable_names,
 )
@@ -56,6 +57,9 @@ class ModelTable(Table):
     """Names of materials of bodies outside: buildings, trees, terrain; `*` stands for any text."""
     leave_out: Patterns = ()
     """Names of materials whose surfaces are left out; `*` stands for any text."""
+    states: dict[Name, Name] = Field(default_factory=dict)
+    """States of the files' groups, by the name of their material, in which these stay in all tasks,
+    such as `tree = "winter"`; by default the first, or those of a table `[groups.NAME]`."""
     windows: Path | None = None
     """Table of new windows, as `optimise` writes it (`windows.csv`): they are cut out of the walls
     in whose planes they lie."""
@@ -106,6 +110,7 @@ class ModelTable(Table):
                 remedy = f"give one of {', '.join(ENDINGS)}"
                 raise InputError(file, "model.files", f"ending {ending or 'none'}", remedy)
         model = in_first_state(with_printable_names(joined(parts)))
+        model = in_states(model, _numbers_of(model, self.states, source))
         names = [name for layer in model.layers for name in layer.names]
         for field, wanted in (
             ("context", self.context), ("leave_out", self.leave_out),
@@ -161,3 +166,23 @@ class ModelTable(Table):
         if any(fnmatchcase(layer.name, pattern) for pattern in self.context):
             return replace(layer, role="context")
         return layer
+
+
+def _numbers_of(model: Model, names: Mapping[str, str], source: str) -> dict[str, int]:
+    """Numbers of the states of groups that are named as in `[groups]`."""
+    known: dict[str, tuple[str, ...]] = {}
+    for layer in model.layers:
+        if len(layer.states) > len(known.get(layer.group, ())):
+            known[layer.group] = tuple(state.name for state in layer.states)
+    numbers = {}
+    for group, name in names.items():
+        if group not in known:
+            got, remedy = "the model has no such group of states", choose(group, [*known])
+            raise InputError(source, f"model.states.{shortened(group)}", got, remedy)
+        first, *further = known[group]
+        states = OPEN, *told_apart(tuple(further))
+        if name not in (first, *states):
+            remedy = choose(name, [first, *states])
+            raise InputError(source, f"model.states.{group}", shortened(name), remedy)
+        numbers[group] = states.index(name) if name in states else 0
+    return numbers

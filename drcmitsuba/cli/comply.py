@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,6 +15,7 @@ from rich.table import Table
 from drcmitsuba.cli.options import AsJson, OptionalOutput, Weather, argument, load, option
 from drcmitsuba.cli.terminal import show, show_notes, stages
 from drcmitsuba.runtime.errors import InputError, on_a_line
+from drcmitsuba.runtime.folder_lock import locked
 
 if TYPE_CHECKING:
     from drcmitsuba.case.case import Case
@@ -47,7 +49,6 @@ def comply(
     the draws of the year, from which the 95 % intervals follow, in which a level is reached.
     """
     from drcmitsuba import standards
-    from drcmitsuba.runtime import storage
 
     for name in standard or ():
         standards.read(name)
@@ -60,9 +61,21 @@ def comply(
         raise InputError("command line", name, got, "give it with a case")
     if change and not standard:
         raise InputError("command line", "--change", "no standard", "name one: --standard NAME")
+    with nullcontext() if output is None else locked(output):
+        _judge(source, standard, output, as_json, weather, view, change)
+
+
+def _judge(
+    source: str, standard: list[str] | None, output: Path | None, as_json: bool,
+    weather: Path | None, view: bool, change: bool,
+) -> None:  # fmt: skip
+    """Judge, and print or write the verdicts; arguments as of `comply`."""
+    from drcmitsuba import standards
+    from drcmitsuba.runtime import storage
+
     changes: list[Change | Refusal] = []
     drawn = list[Path]()
-    if is_folder:
+    if Path(source).is_dir():
         evidence = standards.Evidence.of_folder(source)
         judged: list[Verdict | Refusal] = (
             [*standards.each(standard, evidence)] if standard else standards.verdicts(evidence)

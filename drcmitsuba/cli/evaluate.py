@@ -26,6 +26,7 @@ from drcmitsuba.cli.terminal import percent, show, show_notes, show_progress, st
 from drcmitsuba.runtime.background import Behind
 from drcmitsuba.runtime.byte_size import in_words, size_on_disk
 from drcmitsuba.runtime.errors import InputError, on_a_line
+from drcmitsuba.runtime.folder_lock import locked
 
 if TYPE_CHECKING:
     from drcmitsuba.annual.saved_result import SavedResult
@@ -175,7 +176,8 @@ def evaluate(
             "--coefficients": coefficients, "--cache": cache, "--memory": memory,
             "--workers": workers, "--scheduler": scheduler, "--block": block, "--spaces": spaces,
         })  # fmt: skip
-        _evaluate_variants(case, variants.split(","), output, weather)
+        with locked(output):
+            _evaluate_variants(case, variants.split(","), output, weather)
         return
     chosen = load(case, weather).with_spaces(spaces.split(",") if spaces else ())
     if block is not None:
@@ -191,7 +193,6 @@ def evaluate(
     from drcmitsuba.metrics import stored_arrays
     from drcmitsuba.runtime import storage
     from drcmitsuba.runtime.byte_size import byte_size
-    from drcmitsuba.runtime.folder_lock import locked
 
     most = None if memory is None else byte_size(memory, "--memory")
     known = None

@@ -10,6 +10,7 @@ import xarray as xr
 from drcmitsuba.case.groups import GroupStates, State
 from drcmitsuba.controls.control import states_of
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.labelled import in_order
 
 
 def best_state(
@@ -59,7 +60,7 @@ def best_state(
     time = next(iter(by_state.values()))["time"]
     values = []
     for state, E in by_state.items():
-        value = np.asarray(objective(E))
+        value = in_order(objective(E), {"time": time.values}, f"objective of {state}")
         if value.shape != time.shape or not np.isfinite(value).all():
             got = f"the shape {value.shape} or NaN for state {state!r}"
             raise InputError("best_state", "objective", got, f"give {time.shape} finite values")

@@ -10,6 +10,7 @@ import xarray as xr
 
 from drcmitsuba.case.groups import GroupStates
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.labelled import in_order
 
 Control = Callable[[xr.Dataset, xr.Dataset, xr.DataArray], Any]
 """Function of E with all groups open [lx], of the weather from `outside` and of the time stamps. It
@@ -99,7 +100,8 @@ def called(
            [1, 1]])
     """
     name = getattr(control, "__name__", type(control).__name__)
-    return states_of(np.asarray(control(E, weather, time)), time, groups, name)
+    labels: dict[str, Any] = {"time": time.values, "group": groups.names}
+    return states_of(in_order(control(E, weather, time), labels, name), time, groups, name)
 
 
 def seasonal(

@@ -14,6 +14,7 @@ import xarray as xr
 from drcmitsuba.case.groups import GroupStates
 from drcmitsuba.controls.control import states_of
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.labelled import in_order
 
 
 def closed_by(signal: np.ndarray, time: xr.DataArray, close: float, reopen: float) -> np.ndarray:
@@ -93,7 +94,8 @@ def work_plane(
     array([[0, 0],
            [2, 1]])
     """
-    mean = E["total_open"].transpose("time", "sensor").values.mean(axis=1, dtype=float)
+    light = in_order(E["total_open"], {"time": time.values}, "total_open")
+    mean = light.mean(axis=1, dtype=float)
     signal = np.repeat(mean[:, None], len(groups), axis=1)
     return _closing(signal, time, groups, close, reopen, state)
 
@@ -128,7 +130,7 @@ def vertical_illuminance(
     array([[0, 0],
            [2, 1]])
     """
-    highest = eyes.transpose("time", "sensor").values.max(axis=1)
+    highest = in_order(eyes, {"time": time.values}, "eyes").max(axis=1)
     signal = np.repeat(highest[:, None], len(groups), axis=1)
     return _closing(signal, time, groups, close, reopen, state)
 
@@ -168,8 +170,9 @@ def facade_irradiance(
     ('time', 'group')
     """
     n = normals(azimuths, groups)
-    sun = weather["sun_direction"].transpose("time", "axis").values
-    dni, dhi, ghi = (weather[name].values[:, None] for name in ("dni", "dhi", "ghi"))
+    names, hours = ("sun_direction", "dni", "dhi", "ghi"), {"time": time.values}
+    sun, *rest = (in_order(weather[name], hours, "weather") for name in names)
+    dni, dhi, ghi = (values[:, None] for values in rest)
     up = sun[:, 2:] > 0
     direct = dni * np.maximum(sun @ n.T, 0) * up
     signal = direct + dhi / 2 + ground_reflectance * ghi / 2

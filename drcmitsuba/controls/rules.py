@@ -41,6 +41,11 @@ def lm83(
     xr.DataArray of int, dims (time, group)
         The last state of closed groups, 0 of the others.
 
+    Raises
+    ------
+    InputError
+        E has no `direct_sun`.
+
     Examples
     --------
     >>> import drcmitsuba
@@ -55,6 +60,9 @@ def lm83(
     array([[0],
            [1]])
     """
+    if "direct_sun" not in E:
+        remedy = "give E of `drcmitsuba.evaluate`, or another control"
+        raise InputError("lm83", "E", "no direct_sun", remedy)
     rule = ShadeRule(groups, threshold, area, Schedule({}, len(groups)))
     closed = rule.closed(sunlit(E, rule), np.bincount(grid_of_sensors(E)))
     return states_of(rule.indices(closed, time), time, groups, "lm83")

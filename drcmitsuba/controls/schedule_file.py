@@ -13,6 +13,7 @@ from drcmitsuba.case.schedule import HOURS
 from drcmitsuba.controls.control import states_of
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.labelled import in_order
 from drcmitsuba.scene.prepared_case import prepared
 
 
@@ -58,7 +59,9 @@ def save_schedule(states: xr.DataArray, groups: GroupStates, path: str | Path) -
     ... )
     >>> controls.save_schedule(states, groups, "states.csv")
     """
-    values = states_of(states.values, states["time"], groups, "schedule").values
+    labels = {"time": states["time"].values, "group": groups.names}
+    values = in_order(states, labels, "schedule")
+    values = states_of(values, states["time"], groups, "schedule").values
     chosen = [g for g, last in enumerate(groups.last) if last]
     if not chosen:
         got = "no group with several states"

@@ -342,13 +342,3 @@ def with_printable_names(model: Model) -> Model:
             for s in model.spaces
         ),
     )  # fmt: skip
-
-
-def in_first_state(model: Model) -> Model:
-    """Add the surfaces that stand in the first state of every group."""
-    layers: list[Layer] = []
-    for layer in model.layers:
-        layers.append(layer)
-        if layer.states:
-            layers += [replace(s, stands_in=layer.group) for s in layer.states[0].shades]
-    return replace(model, layers=tuple(layers))

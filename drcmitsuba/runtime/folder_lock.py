@@ -16,11 +16,16 @@ CLOSED_FIRST = os.name == "nt"
 none is removed that another process has taken meanwhile."""
 
 
+_held: set[Path] = set()
+"""Folders that this process keeps."""
+
+
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
     """Keep other processes from a folder while the block runs.
 
     The system holds the lock as long as the process lives: one that was killed leaves none behind.
+    Within the block, this process may ask for the folder again.
 
     Raises
     ------
@@ -29,6 +34,9 @@ def locked(folder: Path) -> Iterator[None]:
     OSError
         The folder may not be written.
     """
+    if (own := folder.resolve()) in _held:
+        yield
+        return
     is_new, path = not folder.exists(), folder / NAME
     folder.mkdir(parents=True, exist_ok=True)
     with ExitStack() as at_the_end, path.open("a+", encoding="utf-8") as file:
@@ -42,9 +50,11 @@ def locked(folder: Path) -> Iterator[None]:
         file.flush()
         if CLOSED_FIRST:
             at_the_end.callback(_remove, path, is_new)
+        _held.add(own)
         try:
             yield
         finally:
+            _held.discard(own)
             if not CLOSED_FIRST:
                 _remove(path, is_new)
 

@@ -18,10 +18,10 @@ from drcmitsuba.case.groups import (
     HIDDEN,
     OPEN,
     OTHERS,
-    RESERVED,
     SHADED,
     Group,
     GroupStates,
+    told_apart,
 )
 from drcmitsuba.model.materials import (
     DielectricMaterial,
@@ -228,7 +228,7 @@ def _by_table(case: Case) -> PaneGroups:
         facings.append(tuple(dict.fromkeys(some.facing for some in mine)))
         own = dict.fromkeys(some.space for some in mine if some.space)
         spaces.append(tuple(own) if case.groups[name].spaces else ())
-        states.append((OPEN, *_told_apart(names)))
+        states.append((OPEN, *told_apart(names)))
         materials.append(of_states)
     groups = GroupStates(tuple(case.groups), tuple(states))
     of_all = _with_others(case, every, assigned, groups, tuple(facings), tuple(materials))
@@ -302,12 +302,3 @@ def _with_others(
         facings = (*facings, tuple(dict.fromkeys(pane.facing for pane in rest)))
         materials = (*materials, ())
     return PaneGroups(states, *assigned_to(case, assigned), facings, materials)
-
-
-def _told_apart(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of states without slashes, each once."""
-    clean = [name.replace("/", "-") for name in names]
-    return tuple(
-        name if clean.count(name) == 1 and name not in RESERVED else f"{name} {i}"
-        for i, name in enumerate(clean, 1)
-    )

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
 import xarray as xr
 
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.sensors import PointSensors
 from drcmitsuba.model.model import View
 from drcmitsuba.model.space import Space, space_at
 from drcmitsuba.runtime import backend
@@ -119,13 +121,18 @@ class PreparedCase:
 class _SameTables:
     """Key of a case that only the same objects equal: tables are frozen, and large to compare.
 
-    Sensors of models are found by rays, so a variant of Mitsuba has its own.
+    Named tables stand in dicts, which a user may change, and a file of points is read anew. Sensors
+    of models are found by rays, so a variant of Mitsuba has its own.
     """
 
     def __init__(self, case: Case) -> None:
-        read = (getattr(case, name) for name in type(case).model_fields if name not in UNREAD)
-        self.case = case
-        self.key = (*map(id, (case.building, *read)), case.source, mi.variant())
+        read = [getattr(case, name) for name in type(case).model_fields if name not in UNREAD]
+        named = [(*of.items(),) for of in read if isinstance(of, dict)]
+        ids = [(name, id(table)) for of in named for name, table in of]
+        self.case, self.named = case, named  # kept, so that no other object has their ids
+        file = case.sensors.points if isinstance(case.sensors, PointSensors) else ()
+        written = file.stat().st_mtime_ns if isinstance(file, Path) and file.exists() else 0
+        self.key = (*map(id, (case.building, *read)), *ids, written, case.source, mi.variant())
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, _SameTables) and self.key == other.key

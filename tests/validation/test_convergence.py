@@ -240,7 +240,7 @@ def grids(loaded: scene.Scene, size: float) -> list[CellGrid]:
     out = [of_compute]
     for shift in SHIFTS:
         x, y, z = np.array(of_compute.low) - shift * size
-        nx, ny, nz = np.ceil((loaded.high - (x, y, z)) / size).astype(int) + 1
+        nx, ny, nz = np.ceil((loaded.bounds[1] - (x, y, z)) / size).astype(int) + 1
         out.append(CellGrid((x, y, z), (int(nx), int(ny), int(nz)), size))
     return out
 

@@ -34,6 +34,15 @@ def test_a_second_process_is_refused_by_name_until_the_first_is_killed(tmp_path)
         pass
 
 
+def test_a_process_may_ask_for_its_folder_again(tmp_path):
+    with locked(tmp_path):
+        with locked(tmp_path / "." / ".." / tmp_path.name):
+            pass
+        command = [sys.executable, "-c", HOLD, str(tmp_path)]
+        other = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert "another run writes to it" in other.stderr
+
+
 def test_work_that_leaves_nothing_leaves_no_folder(tmp_path):
     for _ in range(2):
         with pytest.raises(ValueError, match="refused"), locked(tmp_path / "new"):

@@ -1,5 +1,6 @@
 """A case made ready: each part is found once, and is what the functions that find it say."""
 
+import os
 from collections import Counter
 
 import numpy as np
@@ -111,3 +112,25 @@ def test_unfit_sensors_are_refused_each_time():
     for _ in range(2):
         with pytest.raises(InputError, match="beyond a wall"):
             prepared(case).check()
+
+
+def test_a_case_whose_tables_change_is_prepared_anew():
+    case = room(groups={"south": {"panes": ["glass"], "states": ["opal"]}}, materials={
+        "glass": {"type": "glazing", "transmittance": 0.7},
+        "opal": {"type": "diffuser", "transmittance": 0.3},
+    })  # fmt: skip
+    assert prepared(case).groups.states.names == ("south",)
+    case.facade["north"] = case.facade["south"]
+    assert set(prepared(case).groups.facings[0]) == {"south", "north"}
+    del case.groups["south"]
+    assert not len(prepared(case).groups)
+
+
+def test_points_of_a_file_are_read_anew_when_it_changes(tmp_path):
+    file = tmp_path / "points.pts"
+    file.write_text("1 1 0.8 0 0 1\n")
+    case = room(sensors={"points": str(file)})
+    assert prepared(case).receivers.points[:, 1].tolist() == [1.0]
+    file.write_text("1 2 0.8 0 0 1\n")
+    os.utime(file, ns=(0, 0))
+    assert prepared(case).receivers.points[:, 1].tolist() == [2.0]
