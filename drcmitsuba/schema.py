@@ -89,7 +89,9 @@ DIMS: dict[str, tuple[str, ...]] = {
 
 TEXTS, DATES = ("state", "bin", "sun_bin", "blend_bin", "grid"), ("time", "clock")
 LARGEST = {"L": 1e13, "sun": 1e13, "total": 1e17, "direct_sun": 1e17, "exposure": 1e21}
-"""Larger values mark damage: no sun (of 0.01°) is as bright [cd/m²] or gives as much E [lx]."""
+LARGEST |= dict.fromkeys("xyz", 1e9)
+"""Larger values mark damage: no sun (of 0.01°) is as bright [cd/m²] or gives as much E [lx], and no
+map has such coordinates [m]."""
 LARGEST_OTHER = 1e6
 
 NUMBERS = {"latitude", "longitude", "timezone", "sun_diameter", "step_hours", "interval_factor"}

@@ -49,7 +49,7 @@ def turned_text(case: Case) -> str:
         return ""
     x, y, _ = origin(case)
     way = "clockwise" if angle > 0 else "counterclockwise"
-    return f"; north is up: turned by {abs(angle):g}° {way} about ({x:g}, {y:g})"
+    return f"; north is up: turned by {abs(angle):g}° {way} about ({x:.0f}, {y:.0f})"
 
 
 def place_text(latitude: float, longitude: float) -> str:

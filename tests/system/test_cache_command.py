@@ -8,7 +8,9 @@ import xarray as xr
 
 import drcmitsuba
 from drcmitsuba import load_case
+from drcmitsuba.annual.block_parts import make_part
 from drcmitsuba.blocks import block_folder
+from drcmitsuba.blocks.part import BlockPart
 from tests.system.small_room import changed, run
 
 TEXT = changed(
@@ -69,6 +71,12 @@ def test_blocks_of_weather_without_sun_lend_no_dark_suns(folder, tmp_path):
         drcmitsuba.evaluate(load_case(path), known=results[0].coefficients)
     again = drcmitsuba.evaluate(load_case(tmp_path / "dull.toml"), known=results[1].coefficients)
     assert float(again.illuminance["direct_sun"].max()) == 0
+
+
+def test_parts_and_evaluations_share_their_blocks(folder, stored):
+    case = load_case(folder / "case.toml")  # a room into which some suns cannot shine
+    make_part(case, block_folder.BlockFolder.cache(folder / "cache"), BlockPart.of("1/1"))
+    assert not stored
 
 
 @pytest.mark.parametrize(

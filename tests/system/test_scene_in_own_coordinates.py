@@ -1,11 +1,16 @@
 """The picture of a scene shows the coordinates of the user's file, however it is turned."""
 
+import json
+import re
+
 import numpy as np
 import pytest
+import xarray as xr
 
 from drcmitsuba.case.reading import load_case
 from drcmitsuba.report import scene_view
 from drcmitsuba.report.captions import turned_text
+from drcmitsuba.report.document.packing import unpacked
 from tests.system.test_several_grids import CASE, ROOMS
 
 FAR = np.array([4_600, 57_000, 300])
@@ -60,3 +65,22 @@ def test_captions_tell_how_a_plan_is_turned(tmp_path):
         told = turned_text(load_case(tmp_path / "case.toml"))
         assert words in told
         assert bool(told) is bool(words)
+
+
+def test_results_of_a_model_of_a_map_are_read_again(run, tmp_path):
+    """Northings of UTM exceed all other numbers of a result."""
+    (tmp_path / "origin.rad").write_text(ROOMS)
+    (tmp_path / "rooms.rad").write_text("!xform -t 500000 9000000 120 origin.rad\n")
+    (tmp_path / "seat.vf").write_text("rvu -vtl -vp 2 4 1.2 -vd 0 -1 0 -vh 3 -vv 2\n")
+    (tmp_path / "case.toml").write_text(CASE)
+    out = tmp_path / "out"
+    code, _, err = run("evaluate", tmp_path / "case.toml", "-o", out)
+    assert code == 0, err
+    for command in (["plot", out], ["report", out], ["export", out, "--csv", tmp_path / "E.csv"]):
+        code, _, err = run(*command)
+        assert code == 0, err
+    page = (out / "report.html").read_text(encoding="utf-8")
+    (data,) = re.findall(r'<script type="application/json"[^>]*>(.*?)</script>', page, re.S)
+    (facade,) = json.loads(data)["facades"]
+    with xr.open_dataset(out / "illuminance.nc") as E:
+        np.testing.assert_allclose(unpacked(facade["y"]) / 1000, E["y"], atol=6e-4)

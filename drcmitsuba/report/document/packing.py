@@ -44,7 +44,10 @@ def packed(values: np.ndarray) -> Packed:
         Numbers that span less than 2³²; neighbours along the last axis should be alike.
     """
     whole = np.atleast_1d(np.asarray(values)).astype(np.int64)
-    low = min(int(whole.min(initial=0)), 0)
+    lowest, highest = (int(end) for end in (whole.min(initial=0), whole.max(initial=0)))
+    low = lowest if lowest < 0 else 0
+    if highest - low >= 1 << 32:  # as coordinates of a map in millimetres
+        low = int(whole.min())
     whole -= low
     size = next(n for n in (1, 2, 4) if int(whole.max(initial=0)) < 1 << 8 * n)
     row = whole.shape[-1]

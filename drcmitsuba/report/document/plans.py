@@ -24,6 +24,8 @@ KINDS = ("room", "glazing", "furniture", "surroundings")
 """Outlines in the order in which they are kept where there are too many."""
 PER_METRE = 1000
 """Coordinates are in millimetres."""
+FARTHEST = 1e6
+"""Largest distance of a point from the first one, in x and in y [m]."""
 PER_LUX = 10
 """Mean illuminances are in tenths of a lux."""
 PER_UNIT = 10_000
@@ -50,7 +52,7 @@ def plans(
         Largest number of corners of its outlines.
     """
     E = facade.illuminance
-    x, y = (E[axis].values.astype(float) for axis in "xy")
+    x, y = (_near(E[axis].values.astype(float)) for axis in "xy")
     at = np.column_stack([x, y])
     every = sheets(E)[:MOST_SHEETS]
     number = np.full(len(x), len(every))
@@ -73,8 +75,13 @@ def plans(
     }
 
 
+def _near(metres: np.ndarray) -> np.ndarray:
+    """Coordinates, none farther than `FARTHEST` from the first."""
+    return np.clip(metres, metres[0] - FARTHEST, metres[0] + FARTHEST)
+
+
 def _millimetres(metres: np.ndarray) -> Packed:
-    return packed(np.rint(np.clip(metres, -1e6, 1e6) * PER_METRE))
+    return packed(np.rint(metres * PER_METRE))
 
 
 def _tiles(x: np.ndarray, y: np.ndarray, grids: dict[str, np.ndarray]) -> np.ndarray:
@@ -106,7 +113,7 @@ def _sheet(facade: EvaluatedFacade, sheet: Sheet, at: np.ndarray, corners: int) 
             corners -= len(line)
             if corners < 0:
                 break
-            millimetres = np.rint(np.clip(line[:, :2], -1e6, 1e6) * PER_METRE)
+            millimetres = np.rint(line[:, :2] * PER_METRE)
             kept[kind].append(millimetres.astype(int).ravel().tolist())
     return {"name": name, "outlines": kept}
 

@@ -35,7 +35,8 @@ def test_packed_numbers_come_back_exactly(most):
 
 
 def test_negative_and_single_numbers_and_truth_values_are_packed():
-    for values in (np.array([-5000, 3, 0]), np.array([[True, False]]), np.array([7])):
+    of_a_map = np.array([6_000_000_123, 6_000_000_000])
+    for values in (np.array([-5000, 3, 0]), np.array([[True, False]]), np.array([7]), of_a_map):
         np.testing.assert_array_equal(unpacked(packed(values)).ravel(), values.ravel())
 
 

@@ -24,7 +24,7 @@
     for (let plane = 0; plane < array.bytes; plane++)
       for (let i = 0; i < count; i++) out[i] |= planes[plane * count + i] << (8 * plane);
     for (let i = 0; i < count; i++) if (i % array.row) out[i] += out[i - 1];
-    return array.low ? Int32Array.from(out, (value) => value + array.low) : out;
+    return array.low ? Float64Array.from(out, (value) => value + array.low) : out;
   }
 
   async function unpackedAll(part) { // replaces packed arrays of an object, and of objects in it
