@@ -148,7 +148,7 @@ class Elements:
             Another shape, or an index out of range.
         """
         light, known = self.daylight.alone(), self.groups
-        labels = {"time": light.sky["time"].values, "group": known.names}
+        labels: dict[str, Any] = {"time": light.sky["time"].values, "group": known.names}
         given = in_order(states, labels, "states")
         shape = (light.sky.sizes["time"], len(known))
         if given.shape != shape:

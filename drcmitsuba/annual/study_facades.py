@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from fnmatch import fnmatchcase
 from itertools import chain, count
 from typing import Any
 
@@ -25,6 +24,7 @@ from drcmitsuba.model.materials import Material
 from drcmitsuba.runtime.content_key import content_key
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, part
+from drcmitsuba.runtime.toml import fits
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.sky.daylight import Daylight, daylight
 from drcmitsuba.sky.sun_models import Suns
@@ -106,7 +106,7 @@ def _free(name: str, material: Material, known: Mapping[str, Material]) -> str:
 
 def _regrouped(group: Group, names: Mapping[str, str]) -> Group:
     """Group whose panes and states have other names of materials."""
-    new = (n for n in names if any(fnmatchcase(n, pattern) for pattern in group.panes))
+    new = (n for n in names if fits(n, group.panes))
     panes = dict.fromkeys((*group.panes, *(names[name] for name in new))) if group.panes else ()
     states = (names[name] for name in group.states)
     return group.model_copy(update={"panes": tuple(panes), "states": tuple(states)})

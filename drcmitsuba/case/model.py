@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -26,7 +25,7 @@ from drcmitsuba.model.model import (
     with_printable_names,
 )
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.toml import Name, Table, choose, shortened
+from drcmitsuba.runtime.toml import Name, Table, choose, fits, shortened
 
 METRES = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "in": 0.0254}
 """Metres per unit."""
@@ -117,7 +116,7 @@ class ModelTable(Table):
             ("reflectances", tuple(self.reflectances)),
         ):  # fmt: skip
             for pattern in wanted:
-                if not any(fnmatchcase(name, pattern) for name in names):
+                if not any(fits(name, [pattern]) for name in names):
                     got = f"no surface has the material {shortened(pattern)}"
                     raise InputError(source, f"model.{field}", got, choose(pattern, names))
         kept = [
@@ -135,7 +134,7 @@ class ModelTable(Table):
 
     def _leaves_out(self, layer: Layer) -> bool:
         """Whether the materials of all sides of a layer are named to be left out."""
-        return all(any(fnmatchcase(n, p) for p in self.leave_out) for n in layer.names)
+        return all(fits(n, self.leave_out) for n in layer.names)
 
     def _settled(self, layer: Layer, own: Mapping[str, SurfaceMaterial], source: str) -> Layer:
         """Layer with the case's material and role."""
@@ -163,7 +162,7 @@ class ModelTable(Table):
             for state in layer.states
         )
         layer = replace(layer, states=states) if states else layer
-        if any(fnmatchcase(layer.name, pattern) for pattern in self.context):
+        if fits(layer.name, self.context):
             return replace(layer, role="context")
         return layer
 

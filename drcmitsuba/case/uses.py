@@ -11,7 +11,6 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from fnmatch import fnmatchcase
 from functools import cache, lru_cache
 from importlib import resources
 from typing import Annotated
@@ -27,6 +26,7 @@ from drcmitsuba.runtime.toml import (
     Table,
     checked,
     choose,
+    fits,
     shortened,
     tomllib,
 )
@@ -117,7 +117,7 @@ def recognised(words: str, uses: Mapping[str, UseTable]) -> str:
         if plain_words(name) == text and text:
             return name
     for name, use in uses.items():
-        if any(fnmatchcase(f" {text} ", f"* {word.lower()} *") for word in use.words):
+        if fits(f" {text} ", [f"* {word.lower()} *" for word in use.words]):
             return name
     return ""
 

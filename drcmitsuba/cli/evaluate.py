@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from collections import Counter
 from collections.abc import Mapping
 from functools import partial
@@ -163,7 +164,8 @@ def evaluate(
         option("I/N", "Make one of N parts of the blocks in the cache, and no results."),
     ] = None,
     spaces: Annotated[
-        str | None, option("NAMES", 'Spaces that are evaluated, such as "Office*,Hall".')
+        str | None,
+        option("NAMES", 'Spaces, such as Office*,Hall; a name with a comma stands in "quotes".'),
     ] = None,
     variants: Annotated[
         str | None,
@@ -179,7 +181,7 @@ def evaluate(
         with locked(output):
             _evaluate_variants(case, variants.split(","), output, weather)
         return
-    chosen = load(case, weather).with_spaces(spaces.split(",") if spaces else ())
+    chosen = load(case, weather).with_spaces(_names(spaces) if spaces else ())
     if block is not None:
         _refuse_beside("--block", {
             "--coefficients": coefficients, "--memory": memory, "--workers": workers,
@@ -210,6 +212,11 @@ def evaluate(
             result.save(output, stage)
         blocks.finish()
     _show_result(result, output)
+
+
+def _names(text: str) -> list[str]:
+    """Names between commas."""
+    return next(csv.reader([text], skipinitialspace=True))
 
 
 def _refuse_beside(option: str, others: Mapping[str, object]) -> None:

@@ -19,7 +19,9 @@ def lights(
     case: CaseName,
     point: Annotated[
         list[str] | None,
-        option("X,Y[,Z]", "Point [m]; its nearest sensor is taken. Give more than one."),
+        option(
+            "X,Y[,Z]", "Point, as in plans [m]; its nearest sensor is taken. Give more than one."
+        ),
     ] = None,
     output: Output = Path("results"),
     weather: Weather = None,

@@ -144,10 +144,12 @@ def _with_others(numbers: dict[str, Any], file: Path) -> dict[str, Any]:
 def plot(
     folder: Annotated[Path, argument("FOLDER", "Folder of an evaluation.")],
     point: Annotated[
-        list[str] | None, option("X,Y[,Z]", "Year of the sensor nearest to it [m]; repeatable.")
+        list[str] | None,
+        option("X,Y[,Z]", "Year of the sensor nearest to it, as in plans [m]; repeatable."),
     ] = None,
     section: Annotated[
-        str | None, option("X,Y,X,Y", "Ends of the section [m]; by default across the room.")
+        str | None,
+        option("X,Y,X,Y", "Ends of the section, as in plans [m]; by default across the room."),
     ] = None,
 ) -> None:
     """Draw the plots of an evaluation again, and further ones.

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
-from fnmatch import fnmatchcase
 from functools import cached_property
 
 import numpy as np
@@ -33,7 +32,7 @@ from drcmitsuba.model.model import areas
 from drcmitsuba.plan import notes, plan
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage
-from drcmitsuba.runtime.toml import choose, shortened
+from drcmitsuba.runtime.toml import choose, fits, shortened
 from drcmitsuba.scene.like_panes import NO_GROUP, LikePanes, like_panes
 from drcmitsuba.scene.pane_groups import further_materials
 from drcmitsuba.scene.panes_of_model import panes_of_model
@@ -283,7 +282,7 @@ def meant_panes(case: Case, design: Design) -> tuple[str, ...]:
         for panes in every
         if panes.clear
         and design.side in (None, panes.facing)
-        and (not design.panes or any(fnmatchcase(panes.name, p) for p in design.panes))
+        and (not design.panes or fits(panes.name, design.panes))
         and (not design.groups or _group(case, panes) in design.groups)
     )
     if not meant:

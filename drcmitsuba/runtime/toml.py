@@ -9,7 +9,8 @@ import json
 import re
 import sys
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -191,6 +192,19 @@ def shortened(value: object) -> str:
 def named_of_kind(tables: Mapping[str, Table], kinds: tuple[type[Table], ...]) -> list[str]:
     """Names of the tables that are of one of these classes."""
     return [name for name, table in tables.items() if isinstance(table, kinds)]
+
+
+@lru_cache(maxsize=1024)
+def _pattern(text: str) -> re.Pattern[str]:
+    return re.compile(".*".join(map(re.escape, text.split("*"))), re.DOTALL)
+
+
+def fits(name: str, patterns: Iterable[str]) -> bool:
+    """Whether a name fits one of some patterns, in which `*` stands for any text.
+
+    All other signs stand for themselves: brackets and question marks occur in names of rooms.
+    """
+    return any(_pattern(pattern).fullmatch(name) for pattern in patterns)
 
 
 def choose(name: str, known: Sequence[str], otherwise: str = "") -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from fnmatch import fnmatchcase
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -13,7 +12,7 @@ import shapely
 from drcmitsuba.model.model import Layer, Model, areas
 from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.toml import choose, shortened
+from drcmitsuba.runtime.toml import choose, fits, shortened
 from drcmitsuba.scene.geometry import normals
 
 sparse, csgraph = lazy.module("scipy.sparse"), lazy.module("scipy.sparse.csgraph")
@@ -68,7 +67,7 @@ def rooms_of(
             (name, layer)
             for layer in model.layers
             for name in layer.names
-            if fnmatchcase(name, pattern) and layer.role != "context"
+            if fits(name, [pattern]) and layer.role != "context"
         ]
         if not mine:
             names = [name for layer in model.layers for name in layer.names]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from fnmatch import fnmatchcase
 
 import numpy as np
 
@@ -31,7 +30,7 @@ from drcmitsuba.model.materials import (
 )
 from drcmitsuba.model.model import Layer
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.toml import Side, shortened
+from drcmitsuba.runtime.toml import Side, fits, shortened
 from drcmitsuba.scene.like_panes import (
     NO_GROUP,
     LikePanes,
@@ -170,7 +169,7 @@ def group_of(
     Panes of no group give None.
     """
     for number, group in enumerate(case.groups.values()):
-        named = any(fnmatchcase(material, pattern) for pattern in group.panes)
+        named = fits(material, group.panes)
         if named and group.facing in (None, facing) and _in_spaces(group, space):
             return number, further_materials(case, group)
     return None
@@ -178,7 +177,7 @@ def group_of(
 
 def _in_spaces(group: Group, space: str) -> bool:
     """Whether a group means panes of a space."""
-    return not group.spaces or any(fnmatchcase(space, pattern) for pattern in group.spaces)
+    return not group.spaces or fits(space, group.spaces)
 
 
 def facade_name(space: str, facing: str) -> str:
@@ -239,7 +238,7 @@ def _meant(case: Case, name: str, every: list[LikePanes]) -> list[LikePanes]:
     """Panes of a group: those whose material and direction it names, or those of the model's."""
     group, layers = case.groups[name], case.building.layers
     if group.panes:
-        mine = [p for p in every if any(fnmatchcase(p.name, pattern) for pattern in group.panes)]
+        mine = [p for p in every if fits(p.name, group.panes)]
         got = "no pane is meant"
     else:
         mine = [p for p in every if p.layer >= 0 and layers[p.layer].group == name]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from fnmatch import fnmatchcase
 from functools import lru_cache
 
 import mitsuba as mi
@@ -25,7 +24,7 @@ from drcmitsuba.model.model import Model, ModelShape, SensorGrid
 from drcmitsuba.model.notes import MOST_NAMES, Notes
 from drcmitsuba.model.space import Space, space_at
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.toml import choose, shortened
+from drcmitsuba.runtime.toml import choose, fits, shortened
 from drcmitsuba.scene.components import inside
 from drcmitsuba.scene.geometry import boxes, origin, recentred, rotation
 from drcmitsuba.scene.sensors_of_model import (
@@ -174,11 +173,11 @@ def placed_sensors(case: Case) -> PlacedSensors:
     at = space_at(spaces, placed.points)
     names = [spaces[k].name for k in np.unique(at[at >= 0])]
     for pattern in patterns:
-        if not any(fnmatchcase(name, pattern) for name in names):
+        if not any(fits(name, [pattern]) for name in names):
             got = f"no space with sensors is called {shortened(pattern)}"
             remedy = choose(pattern, names) if names else NAME_SPACES
             raise InputError(case.source, "output.spaces", got, remedy)
-    wanted = [any(fnmatchcase(space.name, p) for p in patterns) for space in spaces]
+    wanted = [fits(space.name, patterns) for space in spaces]
     return placed.only(np.array([*wanted, False])[at])
 
 

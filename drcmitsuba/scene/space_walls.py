@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from fnmatch import fnmatchcase
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from drcmitsuba.model.model import Model
 from drcmitsuba.model.plane import Plane
 from drcmitsuba.model.windows import GRID
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.toml import choose, shortened
+from drcmitsuba.runtime.toml import choose, fits, shortened
 from drcmitsuba.scene.geometry import turn
 from drcmitsuba.scene.panes_of_model import side_name
 from drcmitsuba.scene.prepared_case import prepared
@@ -96,7 +95,7 @@ def meant_walls(case: Case, design: Design) -> list[SpaceWall]:
     names = list(dict.fromkeys(layers[i].name for wall in every for i in wall.shapes))
     for key, patterns, known in (("spaces", design.spaces, spaces), ("walls", design.walls, names)):
         for pattern in patterns:
-            if not any(fnmatchcase(name, pattern) for name in known):
+            if not any(fits(name, [pattern]) for name in known):
                 got = f"none is called {shortened(pattern)}"
                 raise InputError(case.source, f"design.{key}", got, choose(pattern, known))
     facings = sorted({wall.facing for wall in every})
@@ -106,7 +105,7 @@ def meant_walls(case: Case, design: Design) -> list[SpaceWall]:
         raise InputError(case.source, "design.side", got, remedy)
 
     def is_named(name: str, patterns: Sequence[str]) -> bool:
-        return not patterns or any(fnmatchcase(name, pattern) for pattern in patterns)
+        return not patterns or fits(name, patterns)
 
     meant = []
     for wall in every:

@@ -69,7 +69,7 @@ def plans(
         "sheet": packed(number[shown]),
         "grid": packed(of_grid[shown]),
         "grids": [on_a_line(name) for name in grids],
-        "tiles": _millimetres(_tiles(x, y, grids)[shown].reshape(len(shown), 8).T),
+        "tiles": _millimetres((_tiles(x, y, grids) - at[:, None])[shown].reshape(len(shown), 8).T),
         "sheets": [_sheet(facade, sheet, at, corners // len(every)) for sheet in every],
         **_counts(facade, shown),
     }

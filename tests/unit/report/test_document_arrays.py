@@ -58,17 +58,21 @@ def test_counts_of_the_plans_are_those_of_the_illuminance():
     assert drawn["needed"] == 24 * 30 / 2
 
 
+def corners_of(one):
+    """Corners of the tiles of a façade's points [m], (point, 4, 2), as the script has them."""
+    drawn = plans.plans(one, plans.shown_points(one))
+    at = np.column_stack([unpacked(drawn[axis]).ravel() for axis in "xy"])
+    away = unpacked(drawn["tiles"]).T.reshape(-1, 4, 2)
+    return (at[:, None] + away) / 1000
+
+
 def test_tiles_of_a_grid_touch_and_other_points_are_diamonds():
     one = facade()
-    corners = (
-        unpacked(plans.plans(one, plans.shown_points(one))["tiles"]).T.reshape(12, 4, 2) / 1000
-    )
+    corners = corners_of(one)
     np.testing.assert_allclose(corners[0], [[0.75, 1.75], [1.25, 1.75], [1.25, 2.25], [0.75, 2.25]])
     np.testing.assert_allclose(corners[1, 0], corners[0, 1])
     one = facade(spread=True)
-    corners = (
-        unpacked(plans.plans(one, plans.shown_points(one))["tiles"]).T.reshape(12, 4, 2) / 1000
-    )
+    corners = corners_of(one)
     at = np.column_stack([one.illuminance[axis] for axis in "xy"])
     np.testing.assert_allclose(corners.mean(axis=1), at, atol=1e-3)
 

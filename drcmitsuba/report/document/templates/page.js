@@ -78,6 +78,8 @@
       Object.assign(this, content);
       this.index = index;
       this.points = this.x.length;
+      this.tiles = Float64Array.from( // corners are told from their point
+        this.tiles, (away, i) => away + (Math.floor(i / this.points) % 2 ? this.y : this.x)[i % this.points]);
       const hours = this.hours;
       if (!hours) return;
       const first = Date.parse(`${hours.first}Z`);

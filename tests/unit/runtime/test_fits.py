@@ -1,0 +1,19 @@
+"""Patterns of names: `*` stands for any text, all other signs for themselves."""
+
+import pytest
+
+from drcmitsuba.runtime.toml import fits
+
+
+@pytest.mark.parametrize(
+    ("name", "pattern", "is_meant"),
+    [
+        ("Office 1", "Office 1", True), ("Office 1", "Office [1]", False),
+        ("Office [1]", "Office [1]", True), ("Office [1]", "Office*", True),
+        ("Toilet?", "Toilet?", True), ("Toilets", "Toilet?", False), ("a.b", "a.b", True),
+        ("axb", "a.b", False), ("two\nlines", "two*", True), ("A", "a", False),
+        ("glass pane 3", "*pane*", True), ("", "*", True), ("glass", "las", False),
+    ],
+)  # fmt: skip
+def test_stars_alone_are_wild(name, pattern, is_meant):
+    assert fits(name, ["other", pattern]) == is_meant
