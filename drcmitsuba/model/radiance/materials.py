@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +13,7 @@ from drcmitsuba.model.materials import (
     Lambertian,
     PorousMaterial,
     SurfaceMaterial,
+    two_sided,
 )
 from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.radiance import glazing, patterns
@@ -219,6 +220,17 @@ def channels_of(material: Lambertian) -> np.ndarray:
     return np.broadcast_to(np.array(material.reflectance, float), 3)
 
 
+def _two_sided(
+    definition: Definition, sides: Sequence[SurfaceMaterial | Mounted | None]
+) -> Lambertian:
+    """Diffuse sheet with another reflectance on either side, as a wall between two rooms."""
+    front, back = sides
+    if not isinstance(front, Lambertian) or not isinstance(back, Lambertian):
+        got = "a mixture of two sides of which one is not diffuse"
+        raise definition.primitive.error(got, "name one material, or two of plastic")
+    return two_sided(front, back)
+
+
 def material_of(
     definition: Definition | None, means: bool, notes: Notes
 ) -> SurfaceMaterial | Mounted | None:
@@ -245,15 +257,17 @@ def material_of(
     """
     above: list[Definition] = []
     if definition is not None and definition.primitive.kind in MIXTURES:
-        share = patterns.constant_share(definition)
-        if share is not None and 0 < share < 1 and len(definition.named) > 1:
+        share, sides = patterns.constant_share(definition), patterns.by_side(definition)
+        is_mixed = share is not None and 0 < share < 1 and len(definition.named) > 1
+        if is_mixed or sides is not None:
             if definition.depth > DEEPEST_MIXTURE:
                 got = f"mixtures of {definition.depth} modifiers within each other"
                 raise definition.primitive.error(got, f"nest at most {DEEPEST_MIXTURE}")
-            parts = [
-                None if each is None else material_of(each, means, notes)
-                for each in definition.named
-            ]
+            named = definition.named if sides is None else sides
+            parts = [None if each is None else material_of(each, means, notes) for each in named]
+            if sides is not None:
+                return _two_sided(definition, parts)
+            assert share is not None
             return _mixed(definition, share, parts)
     while definition is not None and definition.primitive.kind not in MATERIALS:
         if definition.primitive.kind in MIXTURES:

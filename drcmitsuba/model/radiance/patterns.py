@@ -19,16 +19,19 @@ TAKEN_AS_FOREGROUND = "Mixtures count as their first material, text as its backg
 _EXPRESSIONS = {"brightfunc": 1, "colorfunc": 3, "mixfunc": 1, "texfunc": 3}
 
 
-def _constants(primitive: Primitive, first: int) -> np.ndarray | None:
-    """Values of a pattern's functions where they are constant, from the string `first` on."""
+def _constants(primitive: Primitive, first: int, **known: np.ndarray) -> np.ndarray | None:
+    """Values of a pattern's functions where they are constant, from the string `first` on.
+
+    They are constant but for the variables that are `known`.
+    """
     count = _EXPRESSIONS.get(primitive.kind, 0)
     texts = primitive.strings[first : first + count]
     if not count or len(texts) < count:
         return None
-    variables = {f"A{i}": np.float64(v) for i, v in enumerate(primitive.numbers, 1)}
+    variables = {f"A{i}": np.float64(v) for i, v in enumerate(primitive.numbers, 1)} | known
     try:
         values = np.array([expression.value(text, variables) for text in texts], float)
-    except expression.ExpressionError:
+    except (expression.ExpressionError, ValueError):
         return None
     return values if np.isfinite(values).all() else None
 
@@ -69,6 +72,19 @@ def factor(definition: Definition, means: bool, notes: Notes) -> np.ndarray:
         "a pattern or texture that is not the same everywhere",
         "take it out, or read the model with `means`, which takes its mean as 1",
     )
+
+
+def by_side(definition: Definition) -> tuple[Definition | None, Definition | None] | None:
+    """Modifiers of front and back where a mixture has one on each side; None for other mixtures."""
+    cosines = np.array([1.0, 0.3, 0.01, -0.01, -0.3, -1.0])  # Rdot is positive on the front
+    values = _constants(definition.primitive, 2, Rdot=cosines)
+    if values is None or values.shape != (1, 6) or len(definition.named) < 2:
+        return None
+    share, is_front = np.clip(values[0], 0, 1), cosines > 0
+    first, second = definition.named[:2]
+    if (share == is_front).all():
+        return first, second
+    return (second, first) if (share == ~is_front).all() else None
 
 
 def constant_share(definition: Definition) -> float | None:

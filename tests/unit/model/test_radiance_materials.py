@@ -224,6 +224,16 @@ def test_light_reflected_and_transmitted_in_all_is_radiances(text, tmp_path):
             PorousMaterial(type="porous", porosity=0.25, reflectance=0.6),
         ),
         (
+            "void plastic a 0 0 5 .6 .6 .6 0 0\nvoid plastic b 0 0 5 .2 .2 .2 0 0\n"
+            "void mixfunc m 4 a b if(Rdot,1,0) . 0 0",
+            Lambertian(0.6, 0.2),
+        ),
+        (
+            "void plastic a 0 0 5 .6 .6 .6 0 0\nvoid plastic b 0 0 5 .2 .2 .2 0 0\n"
+            "void mixfunc m 4 a b if(-Rdot,1,0) . 0 0",
+            Lambertian(0.2, 0.6),
+        ),
+        (
             "void plastic m 0 0 5 .6 .6 .6 0 0\nm plastic m 0 0 5 .2 .2 .2 0 0"
             "\nvoid plastic m 0 0 5 .1 .1 .1 0 0",
             Lambertian(0.1),
@@ -235,6 +245,7 @@ def test_a_material_has_its_counterpart(text, expected, tmp_path):
     assert type(given) is type(expected)
     for field in (
         "reflectance",
+        "behind",
         "transmittance",
         "porosity",
         "roughness",
@@ -294,6 +305,8 @@ def test_a_pattern_on_glass_multiplies_what_it_lets_through(pattern, tmp_path):
         ("void colorpict c 7 a b c d e f g 0 0\nc plastic m 0 0 5 .5 .5 .5 0 0", "colorpict 'c'"),
         ("void texfunc c 4 x y z f.cal 0 0\nc plastic m 0 0 5 .5 .5 .5 0 0", "texfunc 'c'"),
         ("void mixfunc m 4 void void x f.cal 0 0", "mixfunc 'm': a mixture"),
+        ("void mixfunc m 4 void void Rdot . 0 0", "mixfunc 'm': a mixture that is not the same"),
+        ("void mixfunc m 4 void void if(Rdot,1,0) . 0 0", "of which one is not diffuse"),
         (
             "void plastic a 0 0 5 .5 .5 .5 0 0\nvoid mirror b 0 0 3 .9 .9 .9\n"
             "void mixfunc m 4 a b .3 . 0 0",
