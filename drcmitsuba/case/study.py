@@ -7,6 +7,7 @@ import csv
 import itertools
 import math
 import re
+from collections import Counter
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,7 +19,7 @@ from drcmitsuba.case.reading import MAX_BYTES, case_from
 from drcmitsuba.case.shipped import locate_case
 from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.toml import Table, checked, is_file, read_toml
+from drcmitsuba.runtime.toml import Table, checked, choose, is_file, read_toml, shortened
 
 qmc = lazy.module("scipy.stats.qmc")
 
@@ -27,6 +28,9 @@ MOST_ROWS = 100_000
 
 PART = re.compile(r'"([^"]+)"|([^."]+)')
 """Part of a key; in quotes, as in TOML, it may hold dots."""
+KEY = re.compile(rf"(?:{PART.pattern})(?:\.(?:{PART.pattern}))*")
+NUMBER = re.compile(r"[-+]?((0|[1-9][0-9]*)(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?")
+"""Number of a CSV file; text such as 007 or 1_000 is a name."""
 Value = bool | int | float | str
 Row = dict[str, Any]
 """Values by key, such as `metrics.sda_threshold`, `facade.south.strips.0.material` or
@@ -90,8 +94,19 @@ class Study(Table):
         Raises
         ------
         InputError
-            There are too many rows, or the columns are unequal.
+            There are too many rows, the columns are unequal, or a key is that of no case.
         """
+        rows = self._rows()
+        for key in dict.fromkeys(key for row in rows for key in row):
+            if not KEY.fullmatch(key):
+                raise InputError(self._file, "key", shortened(key), "give one as a.b.0.c")
+            if _parts(key) == [key] and key not in Case.model_fields:  # as a running number
+                got = f"{shortened(key)} is no key of a case"
+                raise InputError(self._file, "key", got, choose(key, [*Case.model_fields]))
+        return rows
+
+    def _rows(self) -> list[Row]:
+        """Values of every row by key, as they stand."""
         if self.grid:
             count = math.prod(map(len, self.grid.values()))
             self._refuse_many(count)
@@ -125,6 +140,10 @@ class Study(Table):
                 table = csv.DictReader(text, strict=True)
                 if ";" in (head := (table.fieldnames or [""])[0]):
                     raise InputError(file, "row", f"semicolons in {head[:60]!r}", "write commas")
+                for key, count in Counter(map(str.strip, table.fieldnames or ())).items():
+                    if count > 1:
+                        got = f"{count} columns {shortened(key)}"
+                        raise InputError(file, "row", got, "give each key one column")
                 made = list(itertools.islice(table, MOST_ROWS + 1))
         except (UnicodeDecodeError, csv.Error) as error:
             raise InputError(file, "text", str(error)[:100], "write CSV in UTF-8") from None
@@ -175,12 +194,9 @@ def _value(text: str) -> Value:
     text = text.strip()
     if text in ("true", "false"):
         return text == "true"
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text
+    if not NUMBER.fullmatch(text):
+        return text
+    return int(text) if text.lstrip("+-").isdecimal() else float(text)
 
 
 def _parts(key: str) -> list[str]:

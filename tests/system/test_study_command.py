@@ -127,6 +127,8 @@ def test_rows_come_from_columns_and_from_csv(folder):
     assert rows == [
         {"metrics.sda_threshold": 200, "name": "a"}, {"metrics.sda_threshold": 300, "name": "b"},
     ]  # fmt: skip
+    (folder / "rows.csv").write_text("name\n007\n")
+    assert written(folder, 'rows = "rows.csv"').each() == [{"name": "007"}]
     (folder / "rows.csv").write_text("metrics.sda_threshold,sensors.count.0,name\n200,2,x\n,3,\n")
     plan = written(folder, 'rows = "rows.csv"')
     assert plan.each() == [
@@ -160,11 +162,15 @@ def test_a_sample_fills_its_bounds_evenly(folder):
         ('rows = "bad.csv"', "more or fewer fields"),
         ("[sample]\ncount = 2\nbetween = { a = [2, 1] }", "sample.between.a: 2 to 1; give rising"),
         ("[gird]\na = [1]", "unknown key"),
+        ("[grid]\nrow = [1]", 'key: "row" is no key of a case'),
+        ("[grid]\n'metrics..sda_threshold' = [1]", "give one as a.b.0.c"),
+        ('rows = "twice.csv"', '2 columns "room.floor"; give each key one column'),
         (f"[grid]\na = {[*range(400)]}\nb = {[*range(400)]}", "160000 rows"),
     ],
 )
 def test_an_unfit_study_is_refused_in_a_line(folder, text, words):
     (folder / "bad.csv").write_text("a,b\n1\n")
+    (folder / "twice.csv").write_text("room.floor,room.walls,room.floor\n0.2,0.5,0.3\n")
     with pytest.raises(InputError, match=words):
         study(written(folder, text), folder / "out")
     assert not (folder / "out").exists()
