@@ -134,13 +134,17 @@ def read_schedule(file: Path, group: str, states: tuple[str, ...]) -> np.ndarray
         raise InputError(file, "size", got, "give one line for every hour of the year")
     text = file.read_text(encoding="utf-8-sig", errors="replace")
     try:
-        rows = [row for row in csv.reader(text.splitlines()) if any(cell.strip() for cell in row)]
+        reader = csv.reader(text.splitlines())
+        rows = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
     except csv.Error as error:
         raise InputError(file, "line", str(error), "write plain CSV") from None
-    head = [cell.strip() for cell in rows[0]] if rows else []
+    head = [cell.strip() for cell in rows[0][1]] if rows else []
     if group not in head:
         got = f"no column {shortened(group)}"
         raise InputError(file, "head", got, choose(group, head, "name the group in the first line"))
+    if head.count(group) > 1:
+        got = f"{head.count(group)} columns {shortened(group)}"
+        raise InputError(file, "head", got, "give each group one column")
     if len(rows) - 1 != HOURS:
         remedy = f"give {HOURS}, one for every hour of the year"
         raise InputError(file, "lines", f"{len(rows) - 1} below the head", remedy)
@@ -148,10 +152,10 @@ def read_schedule(file: Path, group: str, states: tuple[str, ...]) -> np.ndarray
     number = {name: i for i, name in enumerate(states)}
     number |= {str(i): i for i in range(len(states)) if str(i) not in number}
     out = np.empty(HOURS, np.int16)
-    for hour, row in enumerate(rows[1:]):
+    for hour, (line, row) in enumerate(rows[1:]):
         name = row[column].strip() if column < len(row) else ""
         if name not in number:
-            place = f"line {hour + 2}, {group}"
+            place = f"line {line}, {group}"
             raise InputError(file, place, shortened(name), choose(name, states))
         out[hour] = number[name]
     return out

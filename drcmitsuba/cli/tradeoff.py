@@ -27,7 +27,9 @@ def tradeoff(
     from drcmitsuba.annual.tradeoff.errors import HEADER, NOT_RUN
 
     if not 0 < minutes < 1e6:
-        raise InputError("command line", "--minutes", f"{minutes:g}", "give minutes above 0")
+        raise InputError(
+            "command line", "--minutes", f"{minutes:g}", "give minutes above 0 and below 1e6"
+        )
     loaded = load(case, weather)
     with stages() as stage:
         measured = measure(loaded, minutes, stage, lambda so_far: so_far.save_csv(output), print)

@@ -60,11 +60,17 @@ def film(path: Path) -> FilmFile:
     InputError
         The file cannot be read, or its T + R exceeds 1.05.
     """
-    return _film(path, path.stat().st_mtime_ns)
+    return _film(path, _written(path))
+
+
+def _written(path: Path) -> tuple[int, ...]:
+    """Numbers that change when another file takes the place of one: copies may keep its time."""
+    status = path.stat()
+    return status.st_mtime_ns, status.st_size, status.st_ino
 
 
 @lru_cache(maxsize=16)
-def _film(path: Path, changed: int) -> FilmFile:
+def _film(path: Path, written: tuple[int, ...]) -> FilmFile:
     file = bsdf_files.read(path)
     try:
         if file.colour:
@@ -158,13 +164,14 @@ def loaded(material: SurfaceMaterial, channel: int = 0, clockwise: float = 0.0) 
     """
     if not isinstance(material, BsdfMaterial):
         return mi.load_dict(bsdf(material, channel))
-    changed = material.file.stat().st_mtime_ns
-    description = bsdf(material, channel, clockwise)
-    return _loaded_film(tuple(description.items()), changed, str(mi.variant()))
+    description = tuple(bsdf(material, channel, clockwise).items())
+    return _loaded_film(description, _written(material.file), str(mi.variant()))
 
 
 @lru_cache(maxsize=8)
-def _loaded_film(description: tuple[tuple[str, Any], ...], changed: int, variant: str) -> Any:
+def _loaded_film(
+    description: tuple[tuple[str, Any], ...], written: tuple[int, ...], variant: str
+) -> Any:
     return mi.load_dict(dict(description))
 
 

@@ -89,7 +89,7 @@ def test_errors_of_few_settings(run, case, tmp_path, few_settings):
 @pytest.mark.parametrize("minutes", ["0", "-1", "nan"])
 def test_no_time_is_refused(refused, case, tmp_path, minutes):
     line = refused("tradeoff", case, "-o", tmp_path / "t", "--minutes", minutes)
-    assert line == f"command line: --minutes: {minutes}; give minutes above 0"
+    assert line == f"command line: --minutes: {minutes}; give minutes above 0 and below 1e6"
     assert not (tmp_path / "t").exists()
 
 

@@ -103,6 +103,8 @@ def test_a_schedule_names_states_or_their_numbers(tmp_path):
         ("east\n" + "open\n" * 24, "lines: 24 below the head; give 8760"),
         ("east\n" + "open\n" * (HOURS - 1) + "opn\n", 'line 8761, east: "opn"; did you mean'),
         ("south,east\n" + "open\n" * HOURS, 'line 2, east: ""'),
+        ("east\n\n" + "opn\n" * HOURS, 'line 3, east: "opn"'),
+        ("east,east\n" + "open,fabric\n" * HOURS, 'head: 2 columns "east"; give each group one'),
         ("east\n" + "\0\n" * HOURS, "s.csv"),
     ],
 )
