@@ -1,11 +1,15 @@
 """Dynamic groups of a Honeybee model: their panes, and what else changes with them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from drcmitsuba.case.groups import OTHERS
 from drcmitsuba.case.model_case import notes_on_groups
 from drcmitsuba.case.reading import load_case
 from drcmitsuba.case.schedule import HOURS
+from drcmitsuba.model.group_states import in_states
 from drcmitsuba.model.materials import Lambertian
 from drcmitsuba.plan.panes import most_reflecting
 from drcmitsuba.runtime import backend
@@ -13,6 +17,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.components import place
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_in_state import groups_with_surfaces
+from drcmitsuba.scene.parts_of_year import parts_of_year
 from drcmitsuba.scene.sun_visibility import SunVisibility
 from drcmitsuba.scene.surfaces import surfaces_of
 from tests.unit.model import box_room as box
@@ -30,9 +35,13 @@ def states(group, *modifiers):
     return {"dynamic_group_identifier": group, "states": taken}
 
 
-def case(tmp_path, tables, tree=("summer", "winter"), shelf=("dull", "bright")):
+def case(tmp_path, tables, tree=("summer", "winter"), shelf=("dull", "bright"), states_of="",
+         door=False):  # fmt: skip
     """Room with a pane and a shelf of the group south; a tree of its own group hides the sun."""
     room = box.room()
+    if door:
+        corners = [[1, 6, 0.5], [3, 6, 0.5], [3, 6, 2], [1, 6, 2]]
+        room["faces"][3]["apertures"] = [box.element("Aperture", "door", corners[::-1], "glass")]
     window = room["faces"][1]["apertures"][0]
     window["properties"]["radiance"] = states("south", "clear", "dark")
     corners = [[1, 0.1, 1.5], [3, 0.1, 1.5], [3, 0.6, 1.5], [1, 0.6, 1.5]]
@@ -43,7 +52,7 @@ def case(tmp_path, tables, tree=("summer", "winter"), shelf=("dull", "bright")):
     trees = [box.element("Shade", "oak", crown, radiance=states("tree", *tree))]
     glass = [
         {"type": "Glass", "identifier": name} | {f"{c}_transmissivity": t for c in "rgb"}
-        for name, t in (("clear", 0.9), ("dark", 0.1))
+        for name, t in (("clear", 0.9), ("dark", 0.1), ("glass", 0.7))
     ]
     matt = {"dull": 0.2, "bright": 0.95, "summer": 0.3, "black": 0.0, "soot": 0.0}
     modifiers = [*glass, *(box.plastic(name, r, r, r) for name, r in matt.items())]
@@ -59,7 +68,7 @@ def case(tmp_path, tables, tree=("summer", "winter"), shelf=("dull", "bright")):
     box.written(tmp_path, model)
     file = tmp_path / "case.toml"
     sensors = "[sensors]\ncorner = [1, 1, 0.8]\ncount = [2, 2]\nspacing = 1.0\n"
-    file.write_text(f'[model]\nfiles = ["box.hbjson"]\n{sensors}{tables}')
+    file.write_text(f'[model]\nfiles = ["box.hbjson"]\n{states_of}{sensors}{tables}')
     (tmp_path / "tree.csv").write_text("tree\n" + "0\n" * (HOURS // 2) + "winter\n" * (HOURS // 2))
     return load_case(file)
 
@@ -120,3 +129,60 @@ def test_unfit_groups_of_a_model_are_one_line(tmp_path, tables, shelf, message):
     with pytest.raises(InputError, match=message) as caught:
         PaneGroups.of(case(tmp_path, tables, shelf=shelf))
     assert "\n" not in str(caught.value)
+
+
+def test_a_model_stays_in_the_states_that_the_case_names(tmp_path):
+    grouped = case(tmp_path, f"[groups.south]\n{TREE}")
+    still = case(tmp_path, "", states_of='states = { south = "dark", tree = "winter" }\n')
+    assert not len(PaneGroups.of(still))
+    of_groups = {(s.name, s.material): s.quads for s in surfaces_of(grouped, "dark/winter")}
+    own = {s.material: s.quads for s in surfaces_of(still)}
+    assert {s.name for s in surfaces_of(still)} >= {"dark", "bright", "winter"}
+    assert own.keys() == {material for _, material in of_groups}
+    for (_, material), quads in of_groups.items():
+        np.testing.assert_array_equal(own[material], quads)
+    assert notes_on_groups(still.building, ()) == []
+    first = case(tmp_path, "", states_of='states = { south = "open", tree = "summer" }\n')
+    assert made_of(first, "open") == made_of(grouped, "open")
+
+
+@pytest.mark.parametrize(
+    ("states_of", "message"),
+    [
+        ('{ sowth = "dark" }', 'model.states."sowth": the model has no such group of states; did'),
+        ('{ south = "darc" }', 'model.states.south: "darc"; did you mean "dark"'),
+        ("{ south = 1 }", "model.states.south"),
+    ],
+)
+def test_states_that_a_model_does_not_have_are_refused(tmp_path, states_of, message):
+    with pytest.raises(InputError, match=message) as caught:
+        case(tmp_path, "", states_of=f"states = {states_of}\n")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_state_may_leave_surfaces_out(tmp_path):
+    one = case(tmp_path, "")
+    layers = tuple(
+        replace(layer, states=(layer.states[0], replace(layer.states[1], material=None)))
+        if layer.group == "tree" else layer
+        for layer in one.building.layers
+    )  # fmt: skip
+    model = replace(one.building, layers=layers)
+    assert "summer" in [layer.name for layer in in_states(model, {"tree": 0}).layers]
+    assert len(in_states(model, {"tree": 1}).layers) == len(layers) - 1
+
+
+def test_a_year_has_a_part_for_each_combination_of_surfaces(tmp_path):
+    one = case(tmp_path, f'[groups.south]\n{TREE}[groups.door]\npanes = ["glass"]\n'
+               'states = ["fabric"]\n[materials.fabric]\ntype = "diffuser"\ntransmittance = 0.1\n',
+               door=True)  # fmt: skip
+    names = PaneGroups.of(one).states.names
+    assert names == ("south", "tree", "door")
+    indices = np.array([[0, 0, 0], [1, 1, 1], [0, 0, 1], [1, 1, 0], [0, 1, 1]])
+    parts = parts_of_year(one, indices)
+    assert [part.hours.tolist() for part in parts] == [[0, 2], [4], [1, 3]]
+    for part in parts:
+        assert part.openings.states.names == ("door", OTHERS)
+        assert groups_with_surfaces(part.case) == []
+        np.testing.assert_array_equal(part.indices, np.c_[indices[part.hours, 2], 0 * part.hours])
+    assert made_of(parts[2].case, "open")["bright"] == Lambertian(0.95)
