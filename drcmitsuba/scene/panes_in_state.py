@@ -25,6 +25,8 @@ from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.prepared_case import prepared
 
+STAY = "leave the group out, and name the state in which it stays: states = { … } in [model]"
+"""Remedy where a task cannot take groups whose states have surfaces of their own."""
 Quads = list[np.ndarray]
 """Rectangles, shape (4, 3) each, fronts inward [m]."""
 

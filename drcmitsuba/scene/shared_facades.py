@@ -20,7 +20,7 @@ from drcmitsuba.runtime.toml import Side, shortened
 from drcmitsuba.scene.like_panes import NO_GROUP, LikePanes, assigned_to, like_panes
 from drcmitsuba.scene.materials import shade_covers
 from drcmitsuba.scene.pane_groups import Member, PaneGroups
-from drcmitsuba.scene.panes_in_state import groups_with_surfaces
+from drcmitsuba.scene.panes_in_state import STAY, groups_with_surfaces
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.tiled_facades import TiledFacades, refuse_structures_in_strips
 
@@ -202,7 +202,7 @@ def _refuse_other_panes(case: Case, first: Case, every: Sequence[LikePanes]) -> 
     """Refuse a variant of a model whose surfaces differ, or panes that no opening holds."""
     for group in groups_with_surfaces(case)[:1]:
         got = "its states have surfaces of their own"
-        raise InputError(case.source, f"groups.{group}", got, "evaluate each case")
+        raise InputError(case.source, f"groups.{group}", got, STAY)
     known = {(panes.layer, panes.facing, panes.space) for panes in every}
     outside = {
         layer: sum(len(p.quads) for p in every if p.layer == layer and p.quads is not None)
