@@ -189,11 +189,11 @@ class Layout:
         fills = ("wall", self.clear, self.film)
         tiled = TiledFacades.of_grid(case, self.side, heights, self.segments, fills)
         effects = plan(case, daylight).of_any_facade
+        groups = groups_of(tiled, case, daylight.sky["time"])  # refused likewise
         with stage("light by tile") as done:
             channels = light_of_channels(
                 tiled.case, tiled.panes, daylight.suns, case.accuracy, effects, done, kept
             )
-        groups = groups_of(tiled, case, daylight.sky["time"])
         tiles, openings = self.segments * (len(heights) - 1), None
         if eyes is not None:
             openings = LitOpenings(tiled.case, tiled.panes, effects, eyes)

@@ -125,6 +125,7 @@ class ModelLayout:
         with stage("sky"):
             daylight = daylight_of(self.case)
             asked_of(self.case, daylight)  # refused before any light is traced
+            self.openings.groups(daylight.sky["time"])
         shared = self.openings.simulated(self.case, daylight, stage)
         tiled = self.openings.tiled(shared.channels, daylight.sky["time"])
         if eyes is not None:

@@ -190,7 +190,7 @@ class SearchedOpenings:
                 place[element] = 3 * tile_of[g] + column
             else:
                 still[element] = 1
-        groups = self._groups(time)
+        groups = self.groups(time)
         by_element = {place.element: place for place, _ in self._closings()}
         places = [] if groups is None else [*by_element.values()]
         several = groups is not None and len(groups.rule.groups) > 1
@@ -236,8 +236,8 @@ class SearchedOpenings:
             self.walls, np.array(size), tuple(str(self.every[g]) for g in self.searched)
         )
 
-    def _groups(self, time: xr.DataArray) -> FacadeGroups | None:
-        """Groups of panes that close; None where nothing ever does."""
+    def groups(self, time: xr.DataArray) -> FacadeGroups | None:
+        """Groups of panes that close; None where nothing ever does; errors as of `FacadeGroups`."""
         case = self.variants[1]
         states = prepared(case).groups.states
         if not any(states.closable):
