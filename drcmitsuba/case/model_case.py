@@ -66,7 +66,8 @@ def notes_on_groups(building: Model, groups: Collection[str]) -> list[str]:
     if not states:
         return []
     names = ", ".join(f"{name} ({count} states)" for name, count in states.items())
-    return [f"groups of the model stay in their first state without a table [groups.NAME]: {names}"]
+    how = "without a table [groups.NAME] or a state of theirs in [model.states]"
+    return [f"groups of the model stay in their first state {how}: {names}"]
 
 
 def words(material: SurfaceMaterial) -> str:

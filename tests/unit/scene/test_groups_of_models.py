@@ -113,7 +113,7 @@ def test_a_sun_behind_a_tree_with_bare_states_lights_the_room(tmp_path):
 def test_groups_that_stay_in_their_first_state_are_told(tmp_path):
     one = case(tmp_path, TREE)
     (note,) = notes_on_groups(one.building, one.groups)
-    assert note.endswith("without a table [groups.NAME]: south (2 states)")
+    assert note.endswith("a state of theirs in [model.states]: south (2 states)")
     assert "tree (2 states)" in notes_on_groups(one.building, ())[0]
 
 
