@@ -22,7 +22,7 @@ from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.fills import Fills, effects_of, openings_of
 from drcmitsuba.scene.pane_groups import PaneGroups
-from drcmitsuba.scene.parts_of_year import PartOfYear, parts_of_year
+from drcmitsuba.scene.panes_in_state import groups_with_surfaces
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import Daylight
@@ -68,10 +68,13 @@ def years_of_states(
     channels = scene.channels_of(case, effects)
     labels = Patches(case.sky.subdivision).labels
     L = luminances_of(daylight, (*labels, *daylight.suns.labels))
-    parts = parts_of_year(case, indices)
-    years = [_year_of(each, L, len(labels)) for each in parts]
+    parts, years = _parts(case, indices), list[elements.Year]()
+    for openings, hours in parts:
+        *first, count = openings.states.starts
+        shares = elements.chosen(np.array(first), indices[hours], count)
+        years.append(elements.Year.of(L[hours], shares, len(labels)))
     content = () if run.blocks is None else tuple(
-        of for each in parts for of in _content(each.case, each.openings, effects, channels)
+        of for openings, _ in parts for of in _content(case, openings, effects, channels)
     )  # fmt: skip
     size = max(1, ENTRIES // len(indices))
     for start in range(0, len(points), size):
@@ -84,14 +87,14 @@ def years_of_states(
             shape = len(channels), its.replicates, len(indices), here.stop - here.start
             E, jobs = np.empty(shape, np.float32), len(channels) * len(parts)
             each = itertools.product(enumerate(channels), zip(parts, years, strict=True))
-            for i, ((number, channel), (mine, year)) in enumerate(each):
+            for i, ((number, channel), ((openings, hours), year)) in enumerate(each):
                 summed = elements.illuminance(
-                    mine.case, mine.openings, daylight.suns, its, effects, year, channel=channel,
-                    receivers=(points[here] + mine.moved, normals[here]),
+                    case, openings, daylight.suns, its, effects, year, channel=channel,
+                    receivers=(points[here], normals[here]),
                     progress=part(done, i / jobs, (i + 1) / jobs),
                 )  # fmt: skip
                 for r, values in enumerate(summed):
-                    E[number, r, mine.hours] = values
+                    E[number, r, hours] = values
             return xr.Dataset({"illuminance": by_replicate(E, daylight)})
 
         kept = run.kept(
@@ -101,11 +104,26 @@ def years_of_states(
         yield here, kept.kept(here.stop - here.start, made)
 
 
-def _year_of(mine: PartOfYear, L: csr_matrix, sky_bins: int) -> elements.Year:
-    """Luminances and shares of elements in a part of a year."""
-    *first, count = mine.openings.states.starts
-    shares = elements.chosen(np.array(first), mine.indices, count)
-    return elements.Year.of(L[mine.hours], shares, sky_bins)
+def _parts(case: Case, indices: np.ndarray) -> list[tuple[PaneGroups, np.ndarray]]:
+    """Cut a year into time stamps, int, shape (hour,), at which no surface changes.
+
+    A sum over openings knows light by pane, and no surfaces that come and go with the states of a
+    group: a shelf that turns, snow, leaves. The `PaneGroups` of a part say which stand in it.
+    """
+    groups = prepared(case).groups
+    names = [*dict.fromkeys(groups_with_surfaces(case))]
+    if not names:
+        return [(groups, np.arange(len(indices)))]
+    column = [groups.states.names.index(name) for name in names]
+    combinations, of_hour = np.unique(indices[:, column], axis=0, return_inverse=True)
+    parts = []
+    for k, states in enumerate(combinations.tolist()):
+        standing = [0] * len(groups)
+        for g, state in zip(column, states, strict=True):
+            standing[g] = state
+        hours = np.flatnonzero(of_hour.reshape(-1) == k)
+        parts.append((replace(groups, standing=tuple(standing)), hours))
+    return parts
 
 
 def _content(

@@ -82,6 +82,9 @@ class PaneGroups:
     spaces: tuple[tuple[str, ...], ...] = ()
     """Spaces by whose sensors alone the rule of the shade closes each group, () for any; empty
     where none is asked for."""
+    standing: tuple[int, ...] = ()
+    """State of each group whose surfaces stand, whatever state its panes take; empty where they are
+    those of the panes' state."""
 
     @classmethod
     def of(cls, case: Case) -> PaneGroups:

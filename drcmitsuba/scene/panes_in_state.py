@@ -50,9 +50,9 @@ class PanesInState:
         return cls(case, effects, groups, groups.states.indices(state))
 
     def index_of(self, name: str) -> int:
-        """Index of the state of a group; 0 for what is no group."""
-        names = self.groups.states.names
-        return self.indices[names.index(name)] if name in names else 0
+        """Index of the state of a group whose surfaces stand; 0 for what is no group."""
+        names, indices = self.groups.states.names, self.groups.standing or self.indices
+        return indices[names.index(name)] if name in names else 0
 
     def follows_model(self, name: str) -> bool:
         """Whether the model gives the states of a group of the case."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -220,17 +220,6 @@ def channels_of(material: Lambertian) -> np.ndarray:
     return np.broadcast_to(np.array(material.reflectance, float), 3)
 
 
-def _two_sided(
-    definition: Definition, sides: Sequence[SurfaceMaterial | Mounted | None]
-) -> Lambertian:
-    """Diffuse sheet with another reflectance on either side, as a wall between two rooms."""
-    front, back = sides
-    if not isinstance(front, Lambertian) or not isinstance(back, Lambertian):
-        got = "a mixture of two sides of which one is not diffuse"
-        raise definition.primitive.error(got, "name one material, or two of plastic")
-    return two_sided(front, back)
-
-
 def material_of(
     definition: Definition | None, means: bool, notes: Notes
 ) -> SurfaceMaterial | Mounted | None:
@@ -259,16 +248,22 @@ def material_of(
     if definition is not None and definition.primitive.kind in MIXTURES:
         share, sides = patterns.constant_share(definition), patterns.by_side(definition)
         is_mixed = share is not None and 0 < share < 1 and len(definition.named) > 1
+        if (is_mixed or sides is not None) and definition.depth > DEEPEST_MIXTURE:
+            got = f"mixtures of {definition.depth} modifiers within each other"
+            raise definition.primitive.error(got, f"nest at most {DEEPEST_MIXTURE}")
+        named = definition.named if sides is None else sides
+        if sides is not None and sides[0] is sides[1]:
+            return material_of(sides[0], means, notes)
         if is_mixed or sides is not None:
-            if definition.depth > DEEPEST_MIXTURE:
-                got = f"mixtures of {definition.depth} modifiers within each other"
-                raise definition.primitive.error(got, f"nest at most {DEEPEST_MIXTURE}")
-            named = definition.named if sides is None else sides
             parts = [None if each is None else material_of(each, means, notes) for each in named]
-            if sides is not None:
-                return _two_sided(definition, parts)
-            assert share is not None
-            return _mixed(definition, share, parts)
+            if share is not None and sides is None:
+                return _mixed(definition, share, parts)
+            front, back = parts
+            if isinstance(front, Lambertian) and isinstance(back, Lambertian):
+                return two_sided(front, Lambertian(back.sides[1]))
+            if not means:
+                got = "a mixture of two sides of which one is not diffuse"
+                raise definition.primitive.error(got, "name one material, or two of plastic")
     while definition is not None and definition.primitive.kind not in MATERIALS:
         if definition.primitive.kind in MIXTURES:
             definition = patterns.part(definition, means, notes)

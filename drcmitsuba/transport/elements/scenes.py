@@ -89,7 +89,7 @@ def elements_of_case(
             if wanted is not None and number not in wanted:
                 continue
             mask = shining if wanted is None else shining & wanted[number]
-            if mine and all(isinstance(each.materials[fill], Lambertian) for each in mine):
+            if all(isinstance(each.materials[fill], Lambertian) for each in mine):  # or no pane
                 elements.append(Element(number, np.arange(sky_bins)))
                 continue
         indices = [fill if g == opening else BLOCKED for g in range(len(groups))]

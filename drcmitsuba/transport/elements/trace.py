@@ -149,7 +149,7 @@ class ElementTrace:
             The case has no openings, or too many fills, or fills that no sum can hold.
         """
         case = case.without_polish()
-        for group in groups_with_surfaces(case)[:1]:
+        for group in [] if openings.standing else groups_with_surfaces(case)[:1]:
             got = "its states have surfaces of their own"
             raise InputError(case.source, f"groups.{group}", got, STAY)
         effects = replace(effects, pane_to_pane=False)

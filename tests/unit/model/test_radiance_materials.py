@@ -234,6 +234,12 @@ def test_light_reflected_and_transmitted_in_all_is_radiances(text, tmp_path):
             Lambertian(0.2, 0.6),
         ),
         (
+            "void plastic a 0 0 5 .6 .6 .6 0 0\nvoid plastic b 0 0 5 .2 .2 .2 0 0\n"
+            "void plastic c 0 0 5 .4 .4 .4 0 0\nvoid mixfunc n 4 a b if(Rdot,1,0) . 0 0\n"
+            "void mixfunc m 4 n c if(Rdot,0,1) . 0 0",
+            Lambertian(0.4, 0.2),
+        ),
+        (
             "void plastic m 0 0 5 .6 .6 .6 0 0\nm plastic m 0 0 5 .2 .2 .2 0 0"
             "\nvoid plastic m 0 0 5 .1 .1 .1 0 0",
             Lambertian(0.1),
@@ -692,3 +698,10 @@ def test_trans_that_absorbs_little_sends_on_no_more_than_all(shares, tmp_path):
     assert isinstance(pane, DiffuserMaterial)
     total = pane.most_through + pane.reflectance
     assert 0.9 < total <= 1 + 1e-9
+
+
+def test_a_mixture_of_two_sides_may_be_of_one_pane(tmp_path):
+    glass = "void glass m 0 0 3 .96 .96 .96\n"
+    (tmp_path / "mixed").mkdir()
+    mixed = glass + "void mixfunc m 4 m m if(Rdot,1,0) . 0 0"
+    assert material(mixed, tmp_path / "mixed") == material(glass, tmp_path)

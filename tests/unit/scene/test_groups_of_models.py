@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drcmitsuba.case.groups import OTHERS
 from drcmitsuba.case.model_case import notes_on_groups
 from drcmitsuba.case.reading import load_case
 from drcmitsuba.case.schedule import HOURS
@@ -15,9 +14,9 @@ from drcmitsuba.plan.panes import most_reflecting
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.components import place
+from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
 from drcmitsuba.scene.pane_groups import PaneGroups
-from drcmitsuba.scene.panes_in_state import groups_with_surfaces
-from drcmitsuba.scene.parts_of_year import parts_of_year
+from drcmitsuba.scene.panes_in_state import PanesInState, groups_with_surfaces
 from drcmitsuba.scene.sun_visibility import SunVisibility
 from drcmitsuba.scene.surfaces import surfaces_of
 from tests.unit.model import box_room as box
@@ -172,17 +171,11 @@ def test_a_state_may_leave_surfaces_out(tmp_path):
     assert len(in_states(model, {"tree": 1}).layers) == len(layers) - 1
 
 
-def test_a_year_has_a_part_for_each_combination_of_surfaces(tmp_path):
-    one = case(tmp_path, f'[groups.south]\n{TREE}[groups.door]\npanes = ["glass"]\n'
-               'states = ["fabric"]\n[materials.fabric]\ntype = "diffuser"\ntransmittance = 0.1\n',
-               door=True)  # fmt: skip
-    names = PaneGroups.of(one).states.names
-    assert names == ("south", "tree", "door")
-    indices = np.array([[0, 0, 0], [1, 1, 1], [0, 0, 1], [1, 1, 0], [0, 1, 1]])
-    parts = parts_of_year(one, indices)
-    assert [part.hours.tolist() for part in parts] == [[0, 2], [4], [1, 3]]
-    for part in parts:
-        assert part.openings.states.names == ("door", OTHERS)
-        assert groups_with_surfaces(part.case) == []
-        np.testing.assert_array_equal(part.indices, np.c_[indices[part.hours, 2], 0 * part.hours])
-    assert made_of(parts[2].case, "open")["bright"] == Lambertian(0.95)
+def test_surfaces_may_stand_in_another_state_than_the_panes(tmp_path):
+    one = case(tmp_path, f"[groups.south]\n{TREE}")
+    groups = replace(PaneGroups.of(one), standing=(1, 0))
+    front = PanesInState.of(one, "(blocked)/winter", ALL_EFFECTS, groups)
+    layers = {layer.name: layer for layer in one.building.layers}
+    assert front.rest(layers["dull"]) == Lambertian(0.95)
+    assert front.rest(layers["summer"]) == Lambertian(0.3)
+    assert front.layer(layers["clear"], 0) == Lambertian(0.0)
