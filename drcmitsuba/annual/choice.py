@@ -114,10 +114,10 @@ def _row(opening: str, fills: tuple[str, ...], shares: Mapping[str, float]) -> n
         raise InputError("choice", opening, got, remedy)
     row = np.zeros(len(fills), np.float32)
     for name, share in shares.items():
-        if not isinstance(share, int | float | np.number):
+        if np.ndim(share) or np.asarray(share).dtype.kind not in "biuf":
             got = f"the share {shortened(str(share))} of {shortened(str(name))}"
             raise InputError("choice", opening, got, "give a number from 0 to 1")
-        row[_index(opening, fills, name)] += share
+        row[_index(opening, fills, name)] += float(share)
     return _checked(opening, row[None])[0]
 
 
@@ -132,13 +132,15 @@ def _by_hour(
         given = given.sortby("time")
         known = given["time"].values
         if (twice := known[1:] == known[:-1]).any():
-            stamp = np.datetime_as_string(known[1:][np.argmax(twice)], unit="m")
+            stamp = str(known[1:][np.argmax(twice)])[:16]
             raise InputError("choice", opening, f"two fills at {stamp}", "name one")
     elif given.sizes["time"] == len(time):
         known = time
     else:
         got = f"{given.sizes['time']} entries without time stamps, the period has {len(time)}"
         raise InputError("choice", opening, got, "give the coordinate time")
+    if not len(known):
+        raise InputError("choice", opening, "an array without time stamps", "name a fill for each")
     at = np.minimum(np.searchsorted(known, time), len(known) - 1)
     values = given.transpose("time", ...).values[at]
     missing = (known[at] != time) | pd.isnull(values).reshape(len(time), -1).any(axis=1)

@@ -216,6 +216,10 @@ class Case(Table):
         if self.room is not None and self.model is not None:
             got = "beside a room of boxes"
             raise InputError("case", "model", got, "give one of them")
+        for name, group in self.groups.items():
+            if self.model is not None and name in self.model.states and not group.panes:
+                got, remedy = "model.states keeps it in one state", "give one of them"
+                raise InputError("case", f"groups.{name}", got, remedy)
         if self.model is None:
             check_box(self.spaces, self.name)
         check_spaces(self.spaces, self.uses, self.groups, self.period)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -57,8 +57,9 @@ class ModelTable(Table):
     leave_out: Patterns = ()
     """Names of materials whose surfaces are left out; `*` stands for any text."""
     states: dict[Name, Name] = Field(default_factory=dict)
-    """States of the files' groups, by the name of their material, in which these stay in all tasks,
-    such as `tree = "winter"`; by default the first, or those of a table `[groups.NAME]`."""
+    """State in which a group of the files stays in all tasks: the name of its material, `open` for
+    the first one, or its number, such as `tree = "winter"`. A group has this or a table
+    `[groups.NAME]`; without either it stays in its first state."""
     windows: Path | None = None
     """Table of new windows, as `optimise` writes it (`windows.csv`): they are cut out of the walls
     in whose planes they lie."""
@@ -109,8 +110,8 @@ class ModelTable(Table):
                 remedy = f"give one of {', '.join(ENDINGS)}"
                 raise InputError(file, "model.files", f"ending {ending or 'none'}", remedy)
         model = in_first_state(with_printable_names(joined(parts)))
+        names = [name for layer in model.layers for name in _with_states(layer)]
         model = in_states(model, _numbers_of(model, self.states, source))
-        names = [name for layer in model.layers for name in layer.names]
         for field, wanted in (
             ("context", self.context), ("leave_out", self.leave_out),
             ("reflectances", tuple(self.reflectances)),
@@ -168,20 +169,39 @@ class ModelTable(Table):
 
 
 def _numbers_of(model: Model, names: Mapping[str, str], source: str) -> dict[str, int]:
-    """Numbers of the states of groups that are named as in `[groups]`."""
-    known: dict[str, tuple[str, ...]] = {}
-    for layer in model.layers:
-        if len(layer.states) > len(known.get(layer.group, ())):
-            known[layer.group] = tuple(state.name for state in layer.states)
+    """Numbers of the states of groups, which are named as in `[groups]`."""
     numbers = {}
     for group, name in names.items():
-        if group not in known:
+        layers = [layer for layer in model.layers if layer.group == group and layer.states]
+        if not layers:
+            known = dict.fromkeys(layer.group for layer in model.layers if layer.states)
             got, remedy = "the model has no such group of states", choose(group, [*known])
             raise InputError(source, f"model.states.{shortened(group)}", got, remedy)
-        first, *further = known[group]
-        states = OPEN, *told_apart(tuple(further))
-        if name not in (first, *states):
-            remedy = choose(name, [first, *states])
+        panes = [layer for layer in layers if layer.role == "pane"]
+        first, *further = max((layer.states for layer in panes or layers), key=len)
+        states = OPEN, *told_apart(tuple(state.name for state in further))
+        number = {first.name: 0} | {str(i): i for i in range(len(states))}
+        number |= {state: i for i, state in enumerate(states)}
+        if name not in number or (name == first.name and name in states):
+            remedy = choose(name, [first.name, *states])
+            if name in number:
+                remedy = f"two states have this name: give a number, 0 to {len(further)}"
             raise InputError(source, f"model.states.{group}", shortened(name), remedy)
-        numbers[group] = states.index(name) if name in states else 0
+        numbers[group] = number[name]
+        if any(_is_hole(layer, number[name]) for layer in panes):
+            remedy = f"simulate this state by a schedule of [groups.{group}]"
+            got = f"{shortened(name)} leaves an opening in place of a pane"
+            raise InputError(source, f"model.states.{group}", got, remedy)
     return numbers
+
+
+def _is_hole(layer: Layer, state: int) -> bool:
+    return layer.states[min(state, len(layer.states) - 1)].material is None
+
+
+def _with_states(layer: Layer) -> Iterator[str]:
+    """Names of a layer's materials in all states of its group."""
+    yield from layer.names
+    for state in layer.states:
+        yield state.name
+        yield from (name for shade in state.shades for name in shade.names)

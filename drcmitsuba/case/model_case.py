@@ -23,7 +23,7 @@ from drcmitsuba.model.materials import (
     PorousMaterial,
     SurfaceMaterial,
 )
-from drcmitsuba.model.model import Model, View, areas
+from drcmitsuba.model.model import Layer, Model, View, areas
 from drcmitsuba.runtime.errors import InputError, on_a_line
 
 MOST_SPACES = 200
@@ -111,6 +111,7 @@ def case_text(file: Path, folder: Path, building: Model, sensors: AnySensors) ->
         f"# north = {building.north:g}    # of the model, clockwise from its y axis [deg]",
         "# context = []                       # materials of buildings, trees and terrain outside",
         "# reflectances = { wall = 0.5 }      # in place of the model's",
+        '# states = { tree = "winter" }       # in which a group of the model stays',
         "# Materials of the model; a table [materials.NAME] replaces the one of that name:",
         *(f"#   {_comment(line)}" for line in listing(building)),
         "",
@@ -128,13 +129,19 @@ def case_text(file: Path, folder: Path, building: Model, sensors: AnySensors) ->
     return "\n".join(lines) + "\n"
 
 
+def _states(layer: Layer) -> str:
+    """Group of a layer and its states."""
+    names = ", ".join(state.name for state in layer.states)
+    return f"  group {layer.group}: {names}" if layer.group else ""
+
+
 def listing(model: Model) -> list[str]:
     """One line for every layer of a model: name, role, area [m²], material, group."""
     names = [" / ".join(layer.names) for layer in model.layers]
     width = min(max(map(len, names)), 40)
     return [
         f"{name:{width}}  {layer.role:8} {areas(layer.quads).sum():9.2f} m²  "
-        f"{words(layer.material)}{f'  group {layer.group}' if layer.group else ''}"
+        f"{words(layer.material)}{_states(layer)}"
         for name, layer in zip(names, model.layers, strict=True)
     ]
 

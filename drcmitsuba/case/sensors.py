@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from drcmitsuba.runtime.content_key import file_numbers
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import Length, Name, OnMap, Point, Table
 
@@ -125,3 +126,9 @@ AnySensors = Annotated[
     Discriminator(_kind),
 ]
 """Sensors of a case: a rectangular grid, grids above floors or in spaces, or points."""
+
+
+def file_of_points(sensors: AnySensors) -> tuple[int, ...]:
+    """Numbers of the file of points, which change with it; none of sensors without a file."""
+    file = sensors.points if isinstance(sensors, PointSensors) else None
+    return file_numbers(file) if isinstance(file, Path) and file.exists() else ()

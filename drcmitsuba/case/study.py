@@ -31,6 +31,8 @@ PART = re.compile(r'"([^"]+)"|([^."]+)')
 KEY = re.compile(rf"(?:{PART.pattern})(?:\.(?:{PART.pattern}))*")
 NUMBER = re.compile(r"[-+]?((0|[1-9][0-9]*)(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?")
 """Number of a CSV file; text such as 007 or 1_000 is a name."""
+LONGEST = 40
+"""Largest number of characters of a number."""
 Value = bool | int | float | str
 Row = dict[str, Any]
 """Values by key, such as `metrics.sda_threshold`, `facade.south.strips.0.material` or
@@ -194,7 +196,7 @@ def _value(text: str) -> Value:
     text = text.strip()
     if text in ("true", "false"):
         return text == "true"
-    if not NUMBER.fullmatch(text):
+    if len(text) > LONGEST or not NUMBER.fullmatch(text):
         return text
     return int(text) if text.lstrip("+-").isdecimal() else float(text)
 

@@ -181,7 +181,7 @@ def evaluate(
         with locked(output):
             _evaluate_variants(case, variants.split(","), output, weather)
         return
-    chosen = load(case, weather).with_spaces(_names(spaces) if spaces else ())
+    chosen = load(case, weather).with_spaces(_names(spaces) if spaces is not None else ())
     if block is not None:
         _refuse_beside("--block", {
             "--coefficients": coefficients, "--memory": memory, "--workers": workers,
@@ -216,7 +216,13 @@ def evaluate(
 
 def _names(text: str) -> list[str]:
     """Names between commas."""
-    return next(csv.reader([text], skipinitialspace=True))
+    try:
+        names = [n for n in next(csv.reader([text], skipinitialspace=True)) if n.strip()]
+    except csv.Error:
+        names = []
+    if not names:
+        raise InputError("command line", "--spaces", repr(text)[:60], "give names between commas")
+    return names
 
 
 def _refuse_beside(option: str, others: Mapping[str, object]) -> None:

@@ -95,7 +95,7 @@ def work_plane(
            [2, 1]])
     """
     light = in_order(E["total_open"], {"time": time.values}, "total_open")
-    mean = light.mean(axis=1, dtype=float)
+    mean = light.reshape(len(light), -1).mean(axis=1, dtype=float)
     signal = np.repeat(mean[:, None], len(groups), axis=1)
     return _closing(signal, time, groups, close, reopen, state)
 
@@ -130,7 +130,8 @@ def vertical_illuminance(
     array([[0, 0],
            [2, 1]])
     """
-    highest = in_order(eyes, {"time": time.values}, "eyes").max(axis=1)
+    at_eyes = in_order(eyes, {"time": time.values}, "eyes")
+    highest = at_eyes.reshape(len(at_eyes), -1).max(axis=1)
     signal = np.repeat(highest[:, None], len(groups), axis=1)
     return _closing(signal, time, groups, close, reopen, state)
 

@@ -16,6 +16,7 @@ from drcmitsuba.case.groups import GroupStates
 from drcmitsuba.controls.control import states_of
 from drcmitsuba.controls.hysteresis import normals
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.labelled import in_order
 
 TIE = 1e-9
 """Difference of angles that counts as a tie [deg]."""
@@ -126,8 +127,9 @@ def cut_off(
     if counts != list(groups.last):
         got = f"{counts} tilts"
         raise InputError("slats", "tilts", got, f"give {list(groups.last)}: one for each state")
-    sun = weather["sun_direction"].transpose("time", "axis").values
-    shines = weather["dni"].values > 0
+    names, hours = ("sun_direction", "dni"), {"time": time.values}
+    sun, dni = (in_order(weather[name], hours, "weather") for name in names)
+    shines = dni > 0
     out = np.zeros((time.sizes["time"], len(groups)), int)
     for g, of_group in enumerate(tilts):
         if not counts[g]:

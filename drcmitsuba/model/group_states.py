@@ -22,7 +22,7 @@ def in_states(model: Model, taken: Mapping[str, int]) -> Model:
     """Put some groups in one of their states, by its number: they have no other then.
 
     The model is one of `in_first_state`. Layers have the names of the materials that they take;
-    what a state leaves open has no surface.
+    what a state leaves open has no surface, and is no window either.
     """
     layers = tuple(own for layer in model.layers for own in _taken(layer, taken))
     return replace(model, layers=layers)

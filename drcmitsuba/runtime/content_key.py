@@ -16,6 +16,12 @@ DIGITS = 32
 """Number of hexadecimal digits of a key."""
 
 
+def file_numbers(file: Path) -> tuple[int, ...]:
+    """Numbers that change when another file takes the place of one; copies may keep its time."""
+    status = file.stat()
+    return status.st_mtime_ns, status.st_size, status.st_ino
+
+
 def content_key(*content: Any) -> str:
     """Digest of values, by type and content.
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
@@ -16,8 +18,10 @@ CLOSED_FIRST = os.name == "nt"
 none is removed that another process has taken meanwhile."""
 
 
-_held: set[Path] = set()
-"""Folders that this process keeps."""
+NONE_TO_BE_HAD = {errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP}
+"""Errors of file systems that know no locks."""
+_held: set[tuple[Path, int, int]] = set()
+"""Folders that are kept, each by a process and its thread."""
 
 
 @contextmanager
@@ -25,7 +29,7 @@ def locked(folder: Path) -> Iterator[None]:
     """Keep other processes from a folder while the block runs.
 
     The system holds the lock as long as the process lives: one that was killed leaves none behind.
-    Within the block, this process may ask for the folder again.
+    Within the block, the same thread may ask for the folder again.
 
     Raises
     ------
@@ -34,7 +38,7 @@ def locked(folder: Path) -> Iterator[None]:
     OSError
         The folder may not be written.
     """
-    if (own := folder.resolve()) in _held:
+    if (own := (folder.resolve(), os.getpid(), threading.get_ident())) in _held:
         yield
         return
     is_new, path = not folder.exists(), folder / NAME
@@ -88,4 +92,7 @@ def _taken(descriptor: int) -> bool:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except (BlockingIOError, PermissionError):
         return False
+    except OSError as error:
+        if error.errno not in NONE_TO_BE_HAD:
+            raise
     return True

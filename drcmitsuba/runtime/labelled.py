@@ -17,8 +17,8 @@ def in_order(given: Any, labels: Mapping[str, Sequence | np.ndarray], source: st
 
     Parameters
     ----------
-    given : array_like or xr.DataArray
-        Array; one without labels is taken as it is, and so is a dim without labels.
+    given : array_like, xr.DataArray, or frame or series of pandas
+        Array; one without labels is taken as it is, and so is a dim without labels, or with 0, 1, …
     labels : mapping of str to sequence
         Labels by dim, the dims in their order; further dims come after these.
     source : str
@@ -29,12 +29,16 @@ def in_order(given: Any, labels: Mapping[str, Sequence | np.ndarray], source: st
     InputError
         The array has a label twice, or lacks one that is asked for.
     """
+    if isinstance(given, pd.DataFrame | pd.Series):
+        given = xr.DataArray(given.values, given.axes, [*labels][: given.ndim])
     if not isinstance(given, xr.DataArray):
         return np.asarray(given)
     given = given.transpose(*(dim for dim in labels if dim in given.dims), ...)
     for dim, wanted in labels.items():
         if dim in given.dims and dim in given.coords:
-            index = given.get_index(dim)
+            index = pd.Index(given[dim].values)
+            if index.equals(pd.RangeIndex(len(wanted))):  # numbers in place of names
+                continue
             if not index.is_unique:
                 got = f"{index[index.duplicated()][0]} comes twice"
                 raise InputError(source, dim, got, "name each once")

@@ -10,7 +10,6 @@ import re
 import sys
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
-from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -194,17 +193,29 @@ def named_of_kind(tables: Mapping[str, Table], kinds: tuple[type[Table], ...]) -
     return [name for name, table in tables.items() if isinstance(table, kinds)]
 
 
-@lru_cache(maxsize=1024)
-def _pattern(text: str) -> re.Pattern[str]:
-    return re.compile(".*".join(map(re.escape, text.split("*"))), re.DOTALL)
-
-
 def fits(name: str, patterns: Iterable[str]) -> bool:
     """Whether a name fits one of some patterns, in which `*` stands for any text.
 
     All other signs stand for themselves: brackets and question marks occur in names of rooms.
     """
-    return any(_pattern(pattern).fullmatch(name) for pattern in patterns)
+    return any(_fits(name, pattern) for pattern in patterns)
+
+
+def _fits(name: str, pattern: str) -> bool:
+    """Whether a name fits a pattern; its pieces are looked for one after another."""
+    first, *pieces = pattern.split("*")
+    if not pieces:
+        return name == first
+    *between, last = pieces
+    if not name.startswith(first) or len(name) < len(first) + len(last):
+        return False
+    at, end = len(first), len(name) - len(last)
+    for piece in between:
+        place = name.find(piece, at, end)
+        if place < 0:
+            return False
+        at = place + len(piece)
+    return name.endswith(last)
 
 
 def choose(name: str, known: Sequence[str], otherwise: str = "") -> str:

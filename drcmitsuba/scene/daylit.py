@@ -14,7 +14,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.sensors import AnySensors
+from drcmitsuba.case.sensors import AnySensors, file_of_points
 from drcmitsuba.model.model import Layer, Model, ModelShape
 from drcmitsuba.model.notes import Notes
 from drcmitsuba.runtime.errors import InputError
@@ -88,11 +88,14 @@ def _darkness(case: Case) -> Darkness | None:
     matt = case.without_polish()
     if matt.standing:
         return None
-    return darkness_of(matt.building.shape, case.sensors, case.source, mi.variant())
+    written = file_of_points(case.sensors)
+    return darkness_of(matt.building.shape, case.sensors, case.source, mi.variant(), written)
 
 
 @lru_cache(maxsize=64)  # all rows of a study are asked for one by one, several times
-def darkness_of(shape: ModelShape, sensors: AnySensors, source: str, variant: str) -> Darkness:
+def darkness_of(
+    shape: ModelShape, sensors: AnySensors, source: str, variant: str, written: tuple[int, ...]
+) -> Darkness:
     """Find what daylight does not reach in models of one shape, once for them and a variant."""
     model = shape.model
     panes = panes_of_model(model)

@@ -14,7 +14,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.sensors import AnySensors
+from drcmitsuba.case.sensors import AnySensors, file_of_points
 from drcmitsuba.model.model import Model, ModelShape
 from drcmitsuba.model.space import space_at
 from drcmitsuba.runtime.errors import InputError
@@ -87,11 +87,14 @@ def _leak(case: Case) -> Leak | None:
     """Leak of a case's model; None where it has none, or where it is not looked for."""
     if not case.building.layers or case.model is None or case.model.leaks == "allow":
         return None
-    return leak_of(case.building.shape, case.sensors, case.source, mi.variant())
+    written = file_of_points(case.sensors)
+    return leak_of(case.building.shape, case.sensors, case.source, mi.variant(), written)
 
 
 @lru_cache(maxsize=64)  # all rows of a study are asked for one by one, several times
-def leak_of(shape: ModelShape, sensors: AnySensors, source: str, variant: str) -> Leak | None:
+def leak_of(
+    shape: ModelShape, sensors: AnySensors, source: str, variant: str, written: tuple[int, ...]
+) -> Leak | None:
     """Leak of a model's rooms, those of the sensors; None where they are closed.
 
     It is looked for once for models of one shape and a variant of Mitsuba; errors are those of

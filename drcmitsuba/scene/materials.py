@@ -26,6 +26,7 @@ from drcmitsuba.model.materials import (
     Reflectance,
     SurfaceMaterial,
 )
+from drcmitsuba.runtime.content_key import file_numbers
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.geometry import turn
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
@@ -60,13 +61,7 @@ def film(path: Path) -> FilmFile:
     InputError
         The file cannot be read, or its T + R exceeds 1.05.
     """
-    return _film(path, _written(path))
-
-
-def _written(path: Path) -> tuple[int, ...]:
-    """Numbers that change when another file takes the place of one: copies may keep its time."""
-    status = path.stat()
-    return status.st_mtime_ns, status.st_size, status.st_ino
+    return _film(path, file_numbers(path))
 
 
 @lru_cache(maxsize=16)
@@ -165,7 +160,7 @@ def loaded(material: SurfaceMaterial, channel: int = 0, clockwise: float = 0.0) 
     if not isinstance(material, BsdfMaterial):
         return mi.load_dict(bsdf(material, channel))
     description = tuple(bsdf(material, channel, clockwise).items())
-    return _loaded_film(description, _written(material.file), str(mi.variant()))
+    return _loaded_film(description, file_numbers(material.file), str(mi.variant()))
 
 
 @lru_cache(maxsize=8)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
 import xarray as xr
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.sensors import PointSensors
+from drcmitsuba.case.sensors import file_of_points
 from drcmitsuba.model.model import View
 from drcmitsuba.model.space import Space, space_at
 from drcmitsuba.runtime import backend
@@ -130,8 +129,7 @@ class _SameTables:
         named = [(*of.items(),) for of in read if isinstance(of, dict)]
         ids = [(name, id(table)) for of in named for name, table in of]
         self.case, self.named = case, named  # kept, so that no other object has their ids
-        file = case.sensors.points if isinstance(case.sensors, PointSensors) else ()
-        written = file.stat().st_mtime_ns if isinstance(file, Path) and file.exists() else 0
+        written = file_of_points(case.sensors)
         self.key = (*map(id, (case.building, *read)), *ids, written, case.source, mi.variant())
 
     def __eq__(self, other: object) -> bool:

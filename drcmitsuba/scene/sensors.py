@@ -19,6 +19,7 @@ from drcmitsuba.case.sensors import (
     PointSensors,
     Sensors,
     SpaceSensors,
+    file_of_points,
 )
 from drcmitsuba.model.model import Model, ModelShape, SensorGrid
 from drcmitsuba.model.notes import MOST_NAMES, Notes
@@ -223,13 +224,15 @@ def sensors_of_model(
         The sensors are unfit, or one of them stays within 1 mm of a surface; the error names the
         `source`.
     """
-    return _sensors_of(model.shape, sensors, source, variant, outside)
+    written = file_of_points(sensors)
+    return _sensors_of(model.shape, sensors, source, variant, outside, written)
 
 
 @lru_cache(maxsize=4)
 def _sensors_of(
-    shape: ModelShape, sensors: AnySensors, source: str, variant: str, outside: bool
-) -> PlacedSensors:
+    shape: ModelShape, sensors: AnySensors, source: str, variant: str, outside: bool,
+    written: tuple[int, ...],
+) -> PlacedSensors:  # fmt: skip
     """Sensors of all models of a shape, see `sensors_of_model`."""
     model = shape.model
     made = PlacedSensors(_placed(model, sensors, source))

@@ -312,7 +312,10 @@ def test_a_pattern_on_glass_multiplies_what_it_lets_through(pattern, tmp_path):
         ("void texfunc c 4 x y z f.cal 0 0\nc plastic m 0 0 5 .5 .5 .5 0 0", "texfunc 'c'"),
         ("void mixfunc m 4 void void x f.cal 0 0", "mixfunc 'm': a mixture"),
         ("void mixfunc m 4 void void Rdot . 0 0", "mixfunc 'm': a mixture that is not the same"),
-        ("void mixfunc m 4 void void if(Rdot,1,0) . 0 0", "of which one is not diffuse"),
+        (
+            "void mirror b 0 0 3 .9 .9 .9\nvoid mixfunc m 4 b void if(Rdot,1,0) . 0 0",
+            "one is not diffuse",
+        ),
         (
             "void plastic a 0 0 5 .5 .5 .5 0 0\nvoid mirror b 0 0 3 .9 .9 .9\n"
             "void mixfunc m 4 a b .3 . 0 0",

@@ -12,6 +12,8 @@ from drcmitsuba.runtime.toml import fits
         ("Office [1]", "Office [1]", True), ("Office [1]", "Office*", True),
         ("Toilet?", "Toilet?", True), ("Toilets", "Toilet?", False), ("a.b", "a.b", True),
         ("axb", "a.b", False), ("two\nlines", "two*", True), ("A", "a", False),
+        ("abab", "*ab*ab", True), ("aba", "ab*ba", False), ("abcbd", "a*b*d", True),
+        ("ab", "a*b*b", False), ("a" * 60, "*a" * 6 + "*b", False), ("a*b", "a**b", True),
         ("glass pane 3", "*pane*", True), ("", "*", True), ("glass", "las", False),
     ],
 )  # fmt: skip

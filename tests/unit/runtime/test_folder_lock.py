@@ -1,8 +1,10 @@
 """One process at a time writes to a folder; one that was killed does not block it."""
 
+import errno
 import signal
 import subprocess
 import sys
+import threading
 
 import pytest
 
@@ -41,6 +43,33 @@ def test_a_process_may_ask_for_its_folder_again(tmp_path):
         command = [sys.executable, "-c", HOLD, str(tmp_path)]
         other = subprocess.run(command, capture_output=True, text=True, check=False)
         assert "another run writes to it" in other.stderr
+
+
+def test_another_thread_is_refused(tmp_path):
+    told = []
+
+    def ask():
+        try:
+            with locked(tmp_path):
+                told.append("held twice")
+        except InputError as error:
+            told.append(str(error))
+
+    with locked(tmp_path):
+        thread = threading.Thread(target=ask)
+        thread.start()
+        thread.join()
+    assert "another run writes to it" in told[0]
+
+
+def test_file_systems_without_locks_are_written_to(tmp_path, monkeypatch):
+    def flock(*_):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    fcntl = pytest.importorskip("fcntl")
+    monkeypatch.setattr(fcntl, "flock", flock)
+    with locked(tmp_path / "new"):
+        (tmp_path / "new" / "file").write_text("kept")
 
 
 def test_work_that_leaves_nothing_leaves_no_folder(tmp_path):

@@ -17,7 +17,9 @@ GIVEN = xr.DataArray(VALUES, {"time": TIME, "group": ["south", "east"]}, ("time"
     "given",
     [
         VALUES, VALUES.tolist(), GIVEN, GIVEN.T, GIVEN[[2, 0, 3, 1]], GIVEN[:, ::-1],
-        GIVEN.drop_vars("group"), GIVEN.astype(float), GIVEN.rename(group="opening"),
+        GIVEN.drop_vars("group"), GIVEN.to_pandas(), GIVEN.to_pandas()[["east", "south"]],
+        GIVEN.assign_coords(group=[0, 1]), GIVEN.drop_indexes("time"),
+        GIVEN.astype(float), GIVEN.rename(group="opening"),
         xr.concat([GIVEN, GIVEN.assign_coords(time=TIME + np.timedelta64(1, "D"))], "time"),
     ],
 )  # fmt: skip

@@ -35,14 +35,11 @@ def states(group, *modifiers):
 
 
 def case(tmp_path, tables, tree=("summer", "winter"), shelf=("dull", "bright"), states_of="",
-         door=False):  # fmt: skip
+         panes=("clear", "dark")):  # fmt: skip
     """Room with a pane and a shelf of the group south; a tree of its own group hides the sun."""
     room = box.room()
-    if door:
-        corners = [[1, 6, 0.5], [3, 6, 0.5], [3, 6, 2], [1, 6, 2]]
-        room["faces"][3]["apertures"] = [box.element("Aperture", "door", corners[::-1], "glass")]
     window = room["faces"][1]["apertures"][0]
-    window["properties"]["radiance"] = states("south", "clear", "dark")
+    window["properties"]["radiance"] = states("south", *panes)
     corners = [[1, 0.1, 1.5], [3, 0.1, 1.5], [3, 0.6, 1.5], [1, 0.6, 1.5]]
     window["indoor_shades"] = [
         box.element("Shade", "shelf", corners, radiance=states("south", *shelf))
@@ -51,7 +48,7 @@ def case(tmp_path, tables, tree=("summer", "winter"), shelf=("dull", "bright"), 
     trees = [box.element("Shade", "oak", crown, radiance=states("tree", *tree))]
     glass = [
         {"type": "Glass", "identifier": name} | {f"{c}_transmissivity": t for c in "rgb"}
-        for name, t in (("clear", 0.9), ("dark", 0.1), ("glass", 0.7))
+        for name, t in (("clear", 0.9), ("dark", 0.1))
     ]
     matt = {"dull": 0.2, "bright": 0.95, "summer": 0.3, "black": 0.0, "soot": 0.0}
     modifiers = [*glass, *(box.plastic(name, r, r, r) for name, r in matt.items())]
@@ -141,8 +138,21 @@ def test_a_model_stays_in_the_states_that_the_case_names(tmp_path):
     for (_, material), quads in of_groups.items():
         np.testing.assert_array_equal(own[material], quads)
     assert notes_on_groups(still.building, ()) == []
-    first = case(tmp_path, "", states_of='states = { south = "open", tree = "summer" }\n')
-    assert made_of(first, "open") == made_of(grouped, "open")
+    for south in ("open", "clear", "0"):
+        names = f'states = {{ south = "{south}", tree = "summer" }}\n'
+        first = case(tmp_path, "", states_of=names)
+        assert made_of(first, "open") == made_of(grouped, "open")
+    both = 'states = { south = "1", tree = "1" }\nreflectances = { summer = 0.1, bright = 0.5 }\n'
+    assert made_of(case(tmp_path, "", states_of=both), "open")["bright"] == Lambertian(0.5)
+
+
+def test_states_of_one_name_or_without_a_pane_are_named_otherwise(tmp_path):
+    folder = tmp_path / "alike"
+    folder.mkdir()
+    with pytest.raises(InputError, match="two states have this name: give a number, 0 to 1"):
+        case(folder, "", panes=("clear", "clear"), states_of='states = { south = "clear" }\n')
+    with pytest.raises(InputError, match="leaves an opening in place of a pane; simulate this"):
+        case(folder, "", panes=("clear", "void"), states_of='states = { south = "void" }\n')
 
 
 @pytest.mark.parametrize(
@@ -151,11 +161,13 @@ def test_a_model_stays_in_the_states_that_the_case_names(tmp_path):
         ('{ sowth = "dark" }', 'model.states."sowth": the model has no such group of states; did'),
         ('{ south = "darc" }', 'model.states.south: "darc"; did you mean "dark"'),
         ("{ south = 1 }", "model.states.south"),
+        ('{ south = "dark" }', "groups.south: model.states keeps it in one state; give one"),
     ],
 )
-def test_states_that_a_model_does_not_have_are_refused(tmp_path, states_of, message):
+def test_states_that_a_model_cannot_take_are_refused(tmp_path, states_of, message):
+    tables = "[groups.south]\n" if "groups" in message else ""
     with pytest.raises(InputError, match=message) as caught:
-        case(tmp_path, "", states_of=f"states = {states_of}\n")
+        case(tmp_path, tables, states_of=f"states = {states_of}\n")
     assert "\n" not in str(caught.value)
 
 

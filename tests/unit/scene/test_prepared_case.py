@@ -134,3 +134,14 @@ def test_points_of_a_file_are_read_anew_when_it_changes(tmp_path):
     file.write_text("1 2 0.8 0 0 1\n")
     os.utime(file, ns=(0, 0))
     assert prepared(case).receivers.points[:, 1].tolist() == [2.0]
+
+
+def test_points_of_a_file_of_a_model_are_read_anew_when_it_changes(tmp_path):
+    file = tmp_path / "points.pts"
+    file.write_text("1 1 0.8 0 0 1\n")
+    low, high, walls = prism([(0, 0), (4, 0), (4, 5), (0, 5)], 3.0)
+    polygons = layer("wall", Lambertian(0.5), low, high, *walls)
+    case = case_of(polygons, sensors={"points": str(file)}, model={"leaks": "allow"})
+    assert prepared(case).receivers.points[:, 1].tolist() == [1.0]
+    file.write_text("1 2.5 0.8 0 0 1\n")
+    assert prepared(case).receivers.points[:, 1].tolist() == [2.5]
