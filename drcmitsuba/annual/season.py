@@ -48,6 +48,8 @@ class Season:
     design: Months
     clear: Months
     opening: Months
+    notes: tuple[str, ...] = ()
+    """What was assumed or left out."""
 
     @property
     def relative(self) -> list[float | None]:
@@ -72,7 +74,9 @@ class Season:
         numbers: dict[str, Any] = {
             name: getattr(self, name) for name in ("design", "clear", "opening", "relative", "gain")
         }
-        storage.save_json({"name": self.name, "msDA": numbers}, folder / "season.json")
+        (folder / "season.png").unlink(missing_ok=True)  # of another case, if this run is stopped
+        told = {"name": self.name, "msDA": numbers, "notes": self.notes}
+        storage.save_json(told, folder / "season.json")
         plots.save(self._figure(), folder / "season.png")
 
     def _repr_png_(self) -> bytes:
@@ -108,4 +112,6 @@ def season(case: Case, stage: Stage = silent) -> Season:
     light = elements(case, [clear, HOLE, *shade], stage)
     every, empty = (dict.fromkeys(light.openings, fill) for fill in (clear, HOLE))
     results = (light.evaluate(), light.evaluate(drawn=every), light.evaluate(empty))
-    return Season(case.name, *(result.metrics["msDA"] for result in results))
+    every_note = (note for r in results for note in r.metrics["settings"]["notes"])
+    design, clear_glazing, opening = (result.metrics["msDA"] for result in results)
+    return Season(case.name, design, clear_glazing, opening, tuple(dict.fromkeys(every_note)))

@@ -24,6 +24,7 @@ from drcmitsuba.model.model import (
     joined,
     with_printable_names,
 )
+from drcmitsuba.model.unstated import without_stated
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import Name, Table, choose, fits, shortened
 
@@ -131,7 +132,8 @@ class ModelTable(Table):
         if self.unit is None:
             ask_about_model(source, kept)
         north = model.north if self.north is None else self.north
-        return replace(model, layers=tuple(kept), north=north)
+        notes = without_stated(model.notes, own)
+        return replace(model, layers=tuple(kept), north=north, notes=notes)
 
     def _leaves_out(self, layer: Layer) -> bool:
         """Whether the materials of all sides of a layer are named to be left out."""

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from drcmitsuba.runtime.progress import Stage
 
 WRITTEN = (
-    "pareto.csv", "pareto.png", "facade.png", "panes.png", "search.png", "tilt.png",
-    "fresh_metrics.json", "windows.csv",
+    "optimum.json", "history.csv", "pareto.csv", "pareto.png", "facade.png", "panes.png",
+    "search.png", "tilt.png", "fresh_metrics.json", "windows.csv",
 )  # fmt: skip
 LOOSEST = 2.0
 """Ratio of the largest ASE limit on the Pareto front to the limit of the case."""

@@ -7,7 +7,7 @@ from pathlib import Path
 from rich.table import Table
 
 from drcmitsuba.cli.options import CaseName, Output, Weather, load
-from drcmitsuba.cli.terminal import percent, show, stages
+from drcmitsuba.cli.terminal import percent, show, show_notes, stages
 
 
 def season(case: CaseName, output: Output = Path("season"), weather: Weather = None) -> None:
@@ -24,4 +24,5 @@ def season(case: CaseName, output: Output = Path("season"), weather: Weather = N
         share = "–" if relative is None else f"{relative:.0f}"
         table.add_row(str(month), *map(percent, metrics), share)
     show(table)
+    show_notes(shares.notes)
     print(f"results are in {output}")

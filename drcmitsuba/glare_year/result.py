@@ -37,8 +37,8 @@ CLASSES = {"high": 0.35, "medium": 0.40, "minimum": 0.45}
 """DGP that a class of EN 17037 allows to be exceeded in `EXCEEDED` of the hours."""
 EXCEEDED = 0.05
 """Share of the occupied hours in which a class may be exceeded [–]."""
-PLAN = re.compile(r"glare_plan(_\d+)?\.png")
-"""Names of the plans of views."""
+WRITTEN = re.compile(r"glare\.json|glare_(year|plan(_\d+)?)\.png")
+"""Names of the files beside `glare.nc`."""
 NONE = "none"
 """Class of a view that exceeds even the largest DGP for too long."""
 
@@ -257,12 +257,11 @@ class GlareYear:
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         with stage("writing"):
+            storage.remove_others(folder, WRITTEN, ())  # of another run, if this one is stopped
             storage.save_netcdf(self.hours, folder / "glare.nc")
             storage.save_json(self.numbers(), folder / "glare.json")
             plots.save(self.year_plot(), folder / "glare_year.png")
-            plans = self.plan_plots()
-            plots.save_all(plans, folder)
-            storage.remove_others(folder, PLAN, plans)  # of another number of storeys
+            plots.save_all(self.plan_plots(), folder)
         return self
 
     def year_plot(self, view: str | None = None, state: str | None = None) -> Figure:

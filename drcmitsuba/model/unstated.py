@@ -10,7 +10,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 from drcmitsuba.model.materials import GlazingMaterial, Lambertian
 from drcmitsuba.model.notes import Notes
@@ -39,6 +39,22 @@ def note_reflectances(sides: Iterable[str], notes: Notes) -> None:
     for side, reflectance in REFLECTANCES.items():
         if side in told:
             notes.add(ASSUMED, f"{side} {reflectance:g}")
+
+
+def without_stated(notes: Iterable[str], stated: Collection[str]) -> tuple[str, ...]:
+    """Notes on reflectances and glass, but for those that a case states, by their names."""
+    kept = []
+    for note in notes:
+        sentence, _, listed = note.removesuffix(".").partition(": ")
+        if sentence not in (ASSUMED, ASSUMED_GLASS):
+            kept.append(note)
+            continue
+        names = listed.split(", ")
+        if sentence == ASSUMED:
+            names = [name for name in names if name.split()[0] not in stated]
+        names = [name for name in names if name not in stated]
+        kept += [f"{sentence}: {', '.join(names)}."] if names else []
+    return tuple(kept)
 
 
 def glass(transmittance: float | None, name: str, notes: Notes) -> GlazingMaterial:

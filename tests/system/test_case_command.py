@@ -56,7 +56,7 @@ def test_tables_of_the_case_replace_what_the_files_say(studio):
     case = load_case(
         case_with(
             studio,
-            '[model]\nfiles = ["studio.rad"]\nnorth = 12\ncontext = ["ro?f"]\n'
+            '[model]\nfiles = ["studio.rad"]\nnorth = 12\ncontext = ["ro*f"]\n'
             "[model.reflectances]\nwalls = [0.1, 0.2, 0.3]\n"
             '[materials.glazing]\ntype = "diffuser"\ntransmittance = 0.3\n',
         )

@@ -197,7 +197,9 @@ def test_a_result_shows_itself(small):
 def test_saving_changes_no_result_and_returns_what_lies_on_disk(small, tmp_path):
     result, _ = small
     before = json.dumps([result.metrics, result.plan], default=str)
+    (tmp_path / "compliance.json").write_text("{}")  # verdicts on an earlier evaluation
     saved = result.save(tmp_path)
+    assert not (tmp_path / "compliance.json").exists()
     assert json.dumps([result.metrics, result.plan], default=str) == before
     assert "writing" not in result.metrics["seconds"]
     for name, numbers in (("metrics", saved.metrics), ("plan", saved.plan)):

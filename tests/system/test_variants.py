@@ -207,7 +207,10 @@ def test_season(run, tmp_path, shade):
     code, out, err = run("season", case, "-o", "season")
     assert (code, err) == (0, "")
     assert (tmp_path / "season" / "season.png").stat().st_size > 10_000
-    msda = json.loads((tmp_path / "season" / "season.json").read_text())["msDA"]
+    told = json.loads((tmp_path / "season" / "season.json").read_text())
+    assert any("no year" in note for note in told["notes"])
+    assert f"note: {told['notes'][0]}" in out
+    msda = told["msDA"]
     for name in ("design", "clear", "opening", "relative", "gain"):
         assert [m is not None for m in msda[name]] == [m in (3, 12) for m in range(1, 13)], name
     for month in (2, 11):

@@ -50,7 +50,7 @@ def read(
     file = Path(file)
     if unit is None or not 0 < unit < 1e6:
         got = "none" if unit is None else f"{unit:g}"
-        remedy = "give the length of the file's unit in metres, such as 1 or 0.001"
+        remedy = 'write unit = "m" (dm, cm, mm, ft, in) in [model] of a case; in Python, metres'
         raise InputError(file, "unit", got, remedy)
     return _model(xml.scene_of(file), unit, materials)
 

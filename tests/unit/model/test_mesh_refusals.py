@@ -24,7 +24,7 @@ def refused(path, *words, unit=1.0, materials=WALL):
 @pytest.mark.parametrize("kind", ["obj", "ply", "stl"])
 def test_files_without_a_unit_ask_for_it(tmp_path, kind):
     path = KINDS[kind](tmp_path)
-    refused(path, "unit", "0.001", unit=None)
+    refused(path, "unit", 'write unit = "m"', unit=None)
     refused(path, "unit", "-1", unit=-1.0)
 
 
