@@ -6,7 +6,7 @@ Openings that it does not name stay as in the case: by the rule of the shade, or
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -114,7 +114,7 @@ def _row(opening: str, fills: tuple[str, ...], shares: Mapping[str, float]) -> n
         raise InputError("choice", opening, got, remedy)
     row = np.zeros(len(fills), np.float32)
     for name, share in shares.items():
-        if np.ndim(share) or np.asarray(share).dtype.kind not in "biuf":
+        if isinstance(share, str | Sequence) or np.asarray(share).dtype.kind not in "biuf":
             got = f"the share {shortened(str(share))} of {shortened(str(name))}"
             raise InputError("choice", opening, got, "give a number from 0 to 1")
         row[_index(opening, fills, name)] += float(share)

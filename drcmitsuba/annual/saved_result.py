@@ -93,7 +93,7 @@ class SavedResult(ABC):
     def _saved(self: Own, folder: Path, stage: Stage, drawn: DrawnParts | None) -> Own:
         """Write all files to a folder that other processes leave alone."""
         start = time.perf_counter()
-        for name in ("metrics.json", "plan.json", "compliance.json"):  # of what is written over
+        for name in ("metrics.json", "plan.json", "compliance.json"):  # none is that of new arrays
             (folder / name).unlink(missing_ok=True)
         arrays = self._arrays(folder)
         for name in ALL_ARRAYS.difference(arrays):  # of an earlier evaluation

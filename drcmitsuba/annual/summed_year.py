@@ -111,7 +111,7 @@ def _parts(case: Case, indices: np.ndarray) -> list[tuple[PaneGroups, np.ndarray
     group: a shelf that turns, snow, leaves. The `PaneGroups` of a part say which stand in it.
     """
     groups = prepared(case).groups
-    names = [*dict.fromkeys(groups_with_surfaces(case))]
+    names = groups_with_surfaces(case)
     if not names:
         return [(groups, np.arange(len(indices)))]
     column = [groups.states.names.index(name) for name in names]
@@ -131,7 +131,8 @@ def _content(
 ) -> tuple[Any, ...]:
     """Everything that the light of every opening with every fill depends on in a case's scenes."""
     groups = openings.states
-    fills = [(g, s) for g, of in enumerate(groups.states) for s in range(len(of))]
+    with_panes = [g for g, facings in enumerate(openings.facings) if facings]
+    fills = [(g, s) for g in with_panes for s in range(len(groups.states[g]))]
     labels = [
         groups.label([fill if g == opening else BLOCKED for g in range(len(groups))])
         for opening, fill in [(-1, BLOCKED), *fills]

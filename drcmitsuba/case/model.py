@@ -59,8 +59,8 @@ class ModelTable(Table):
     """Names of materials whose surfaces are left out; `*` stands for any text."""
     states: dict[Name, Name] = Field(default_factory=dict)
     """State in which a group of the files stays in all tasks: the name of its material, `open` for
-    the first one, or its number, such as `tree = "winter"`. A group has this or a table
-    `[groups.NAME]`; without either it stays in its first state."""
+    the first one, or its number, such as `tree = "winter"`. A group has this or the states of a
+    table `[groups.NAME]`; without either it stays in its first state."""
     windows: Path | None = None
     """Table of new windows, as `optimise` writes it (`windows.csv`): they are cut out of the walls
     in whose planes they lie."""
@@ -111,16 +111,17 @@ class ModelTable(Table):
                 remedy = f"give one of {', '.join(ENDINGS)}"
                 raise InputError(file, "model.files", f"ending {ending or 'none'}", remedy)
         model = in_first_state(with_printable_names(joined(parts)))
-        names = [name for layer in model.layers for name in _with_states(layer)]
+        in_all_states = [name for layer in model.layers for name in _with_states(layer)]
         model = in_states(model, _numbers_of(model, self.states, source))
-        for field, wanted in (
-            ("context", self.context), ("leave_out", self.leave_out),
-            ("reflectances", tuple(self.reflectances)),
+        names = [name for layer in model.layers for name in layer.names]
+        for field, wanted, known in (
+            ("context", self.context, names), ("leave_out", self.leave_out, names),
+            ("reflectances", tuple(self.reflectances), in_all_states),
         ):  # fmt: skip
             for pattern in wanted:
-                if not any(fits(name, [pattern]) for name in names):
+                if not any(fits(name, [pattern]) for name in known):
                     got = f"no surface has the material {shortened(pattern)}"
-                    raise InputError(source, f"model.{field}", got, choose(pattern, names))
+                    raise InputError(source, f"model.{field}", got, choose(pattern, known))
         kept = [
             self._settled(layer, own, source)
             for layer in model.layers
@@ -182,15 +183,15 @@ def _numbers_of(model: Model, names: Mapping[str, str], source: str) -> dict[str
         panes = [layer for layer in layers if layer.role == "pane"]
         first, *further = max((layer.states for layer in panes or layers), key=len)
         states = OPEN, *told_apart(tuple(state.name for state in further))
-        number = {first.name: 0} | {str(i): i for i in range(len(states))}
-        number |= {state: i for i, state in enumerate(states)}
+        number = {str(i): i for i in range(len(states))}
+        number |= {state: i for i, state in enumerate(states)} | {first.name: 0}
         if name not in number or (name == first.name and name in states):
             remedy = choose(name, [first.name, *states])
             if name in number:
                 remedy = f"two states have this name: give a number, 0 to {len(further)}"
             raise InputError(source, f"model.states.{group}", shortened(name), remedy)
         numbers[group] = number[name]
-        if any(_is_hole(layer, number[name]) for layer in panes):
+        if number[name] and any(_is_hole(layer, number[name]) for layer in panes):
             remedy = f"simulate this state by a schedule of [groups.{group}]"
             got = f"{shortened(name)} leaves an opening in place of a pane"
             raise InputError(source, f"model.states.{group}", got, remedy)

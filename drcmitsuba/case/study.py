@@ -32,7 +32,7 @@ KEY = re.compile(rf"(?:{PART.pattern})(?:\.(?:{PART.pattern}))*")
 NUMBER = re.compile(r"[-+]?((0|[1-9][0-9]*)(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?")
 """Number of a CSV file; text such as 007 or 1_000 is a name."""
 LONGEST = 40
-"""Largest number of characters of a number."""
+"""Largest number of characters of a number; longer ones are text."""
 Value = bool | int | float | str
 Row = dict[str, Any]
 """Values by key, such as `metrics.sda_threshold`, `facade.south.strips.0.material` or

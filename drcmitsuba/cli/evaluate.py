@@ -217,7 +217,7 @@ def evaluate(
 def _names(text: str) -> list[str]:
     """Names between commas."""
     try:
-        names = [n for n in next(csv.reader([text], skipinitialspace=True)) if n.strip()]
+        names = [*filter(None, map(str.strip, next(csv.reader([text], skipinitialspace=True))))]
     except csv.Error:
         names = []
     if not names:

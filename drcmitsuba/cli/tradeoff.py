@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from rich import box
 from rich.markup import escape
@@ -12,6 +12,9 @@ from rich.table import Table
 from drcmitsuba.cli.options import CaseName, Output, Weather, load, option
 from drcmitsuba.cli.terminal import show, stages
 from drcmitsuba.runtime.errors import InputError
+
+if TYPE_CHECKING:
+    from drcmitsuba.annual.tradeoff import Tradeoff
 
 
 def tradeoff(
@@ -31,8 +34,13 @@ def tradeoff(
             "command line", "--minutes", f"{minutes:g}", "give minutes above 0 and below 1e6"
         )
     loaded = load(case, weather)
+
+    def keep(so_far: Tradeoff) -> None:
+        (output / "tradeoff.png").unlink(missing_ok=True)  # of another table
+        so_far.save_csv(output)
+
     with stages() as stage:
-        measured = measure(loaded, minutes, stage, lambda so_far: so_far.save_csv(output), print)
+        measured = measure(loaded, minutes, stage, keep, print)
         measured.save(output)
     title = f"{escape(measured.name)}: what accuracy costs"
     table = Table(title=title, title_justify="left", box=box.SIMPLE, pad_edge=False)

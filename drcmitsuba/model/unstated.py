@@ -42,17 +42,14 @@ def note_reflectances(sides: Iterable[str], notes: Notes) -> None:
 
 
 def without_stated(notes: Iterable[str], stated: Collection[str]) -> tuple[str, ...]:
-    """Notes on reflectances and glass, but for those that a case states, by their names."""
+    """Notes, whose reflectances leave out those that a case states, by their names."""
     kept = []
     for note in notes:
         sentence, _, listed = note.removesuffix(".").partition(": ")
-        if sentence not in (ASSUMED, ASSUMED_GLASS):
+        if sentence != ASSUMED:
             kept.append(note)
             continue
-        names = listed.split(", ")
-        if sentence == ASSUMED:
-            names = [name for name in names if name.split()[0] not in stated]
-        names = [name for name in names if name not in stated]
+        names = [name for name in listed.split(", ") if name.split()[0] not in stated]
         kept += [f"{sentence}: {', '.join(names)}."] if names else []
     return tuple(kept)
 

@@ -16,8 +16,6 @@ NAME = ".lock"
 CLOSED_FIRST = os.name == "nt"
 """Whether the system removes closed files alone. Others remove the file while it is locked, so that
 none is removed that another process has taken meanwhile."""
-
-
 NONE_TO_BE_HAD = {errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP}
 """Errors of file systems that know no locks."""
 _held: set[tuple[Path, int, int]] = set()

@@ -18,7 +18,8 @@ def in_order(given: Any, labels: Mapping[str, Sequence | np.ndarray], source: st
     Parameters
     ----------
     given : array_like, xr.DataArray, or frame or series of pandas
-        Array; one without labels is taken as it is, and so is a dim without labels, or with 0, 1, …
+        Array; one without labels is taken as it is, and so is a dim without labels, or whose labels
+        are 0, 1, … in this order.
     labels : mapping of str to sequence
         Labels by dim, the dims in their order; further dims come after these.
     source : str
@@ -30,7 +31,8 @@ def in_order(given: Any, labels: Mapping[str, Sequence | np.ndarray], source: st
         The array has a label twice, or lacks one that is asked for.
     """
     if isinstance(given, pd.DataFrame | pd.Series):
-        given = xr.DataArray(given.values, given.axes, [*labels][: given.ndim])
+        dims = [*labels, *(f"axis {i}" for i in range(given.ndim))]
+        given = xr.DataArray(given.values, given.axes, dims[: given.ndim])
     if not isinstance(given, xr.DataArray):
         return np.asarray(given)
     given = given.transpose(*(dim for dim in labels if dim in given.dims), ...)

@@ -83,8 +83,8 @@ class PaneGroups:
     """Spaces by whose sensors alone the rule of the shade closes each group, () for any; empty
     where none is asked for."""
     standing: tuple[int, ...] = ()
-    """State of each group whose surfaces stand, whatever state its panes take; empty where they are
-    those of the panes' state."""
+    """State of each group in which its surfaces stand, whatever state its panes take; empty: that
+    of the panes."""
 
     @classmethod
     def of(cls, case: Case) -> PaneGroups:

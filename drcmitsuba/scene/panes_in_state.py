@@ -25,7 +25,7 @@ from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.prepared_case import prepared
 
-STAY = "leave the group out, and name the state in which it stays: states = { … } in [model]"
+STAY = "leave out its [groups.NAME], and name the state in which it stays: states in [model]"
 """Remedy where a task cannot take groups whose states have surfaces of their own."""
 Quads = list[np.ndarray]
 """Rectangles, shape (4, 3) each, fronts inward [m]."""
@@ -50,9 +50,12 @@ class PanesInState:
         return cls(case, effects, groups, groups.states.indices(state))
 
     def index_of(self, name: str) -> int:
-        """Index of the state of a group whose surfaces stand; 0 for what is no group."""
+        """Index of the state of a group whose surfaces stand; 0 for what is no group.
+
+        Panes that are blocked or hidden leave the surfaces of the first state.
+        """
         names, indices = self.groups.states.names, self.groups.standing or self.indices
-        return indices[names.index(name)] if name in names else 0
+        return max(0, indices[names.index(name)]) if name in names else 0
 
     def follows_model(self, name: str) -> bool:
         """Whether the model gives the states of a group of the case."""
@@ -122,15 +125,17 @@ class PanesInState:
 
 
 def groups_with_surfaces(case: Case) -> list[str]:
-    """Groups of a case whose states change more than panes to the outside."""
+    """Groups of a case whose states change more than panes to the outside, each once."""
     groups = prepared(case).groups
-    return [
+    every = [
         layer.group
         for layer, of_quads in zip(case.building.layers, groups.of_quads, strict=True)
         if layer.group in case.groups
         and not groups.materials[groups.states.names.index(layer.group)]
         and ((of_quads == NO_GROUP).any() or any(state.shades for state in layer.states))
     ]
+    every += [layer.stands_in for layer in case.building.layers if layer.stands_in in case.groups]
+    return [*dict.fromkeys(every)]
 
 
 @dataclass(frozen=True, eq=False)

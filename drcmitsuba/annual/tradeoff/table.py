@@ -256,7 +256,6 @@ class Tradeoff:
 
     def save_csv(self, folder: str | Path) -> None:
         """Write `tradeoff.csv`, whole or not at all."""
-        (Path(folder) / "tradeoff.png").unlink(missing_ok=True)  # drawn from the whole table
         storage.save_csv(self.frame, Path(folder) / "tradeoff.csv")
 
     def figure(self) -> Figure:

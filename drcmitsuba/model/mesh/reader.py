@@ -69,7 +69,7 @@ def read(
     if ending not in READERS:
         raise InputError(file, "type", ending or "none", f"give one of {', '.join(READERS)}")
     if unit is None and ending not in METRES:
-        remedy = 'write unit = "m" (dm, cm, mm, ft, in) in [model] of a case; in Python, metres'
+        remedy = 'write unit = "m" (dm, cm, mm, ft, in) in [model] of a case (in Python, in metres)'
         raise InputError(file, "unit", "none", remedy)
     if unit is not None and not 0 < unit < 1e6:
         raise InputError(file, "unit", f"{unit:g}", "give a length in metres above 0")

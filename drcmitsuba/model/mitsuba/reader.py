@@ -50,7 +50,7 @@ def read(
     file = Path(file)
     if unit is None or not 0 < unit < 1e6:
         got = "none" if unit is None else f"{unit:g}"
-        remedy = 'write unit = "m" (dm, cm, mm, ft, in) in [model] of a case; in Python, metres'
+        remedy = 'write unit = "m" (dm, cm, mm, ft, in) in [model] of a case (in Python, in metres)'
         raise InputError(file, "unit", got, remedy)
     return _model(xml.scene_of(file), unit, materials)
 

@@ -27,6 +27,12 @@ def test_values_follow_their_labels(given):
     assert (in_order(given, LABELS, "states") == VALUES).all()
 
 
+def test_frames_may_have_further_columns():
+    frame = GIVEN.to_pandas()[::-1]
+    assert (in_order(frame, {"time": TIME}, "eyes") == VALUES).all()
+    assert (in_order(frame["east"], {"time": TIME}, "eyes") == VALUES[:, 1]).all()
+
+
 def test_labels_that_lack_or_come_twice_are_refused():
     with pytest.raises(InputError, match=r"states: time: none for 2015-01-01T11"):
         in_order(GIVEN[:3], LABELS, "states")

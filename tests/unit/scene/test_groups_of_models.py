@@ -19,6 +19,7 @@ from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_in_state import PanesInState, groups_with_surfaces
 from drcmitsuba.scene.sun_visibility import SunVisibility
 from drcmitsuba.scene.surfaces import surfaces_of
+from tests.model_rooms import layer
 from tests.unit.model import box_room as box
 
 SUN = np.array([[0, -0.9, np.sqrt(1 - 0.81)]])
@@ -191,3 +192,17 @@ def test_surfaces_may_stand_in_another_state_than_the_panes(tmp_path):
     assert front.rest(layers["dull"]) == Lambertian(0.95)
     assert front.rest(layers["summer"]) == Lambertian(0.3)
     assert front.layer(layers["clear"], 0) == Lambertian(0.0)
+
+
+def test_shades_of_the_first_state_come_and_go_with_materials_of_the_case(tmp_path):
+    one = case(tmp_path, '[groups.south]\nstates = ["blind"]\n'
+               '[materials.blind]\ntype = "diffuser"\ntransmittance = 0.1\n')  # fmt: skip
+    assert groups_with_surfaces(one) == []
+    shade = layer("blade", Lambertian(0.5), [[1, 0.2, 1], [3, 0.2, 1], [3, 0.2, 2], [1, 0.2, 2]])
+    layers = (*one.building.layers, replace(shade, stands_in="south"))
+    with_shade = one.with_building(replace(one.building, layers=layers))
+    assert groups_with_surfaces(with_shade) == ["south"]
+    made = {
+        state: "blade" in made_of(with_shade, state) for state in ("open", "(blocked)", "blind")
+    }
+    assert made == {"open": True, "(blocked)": True, "blind": False}
