@@ -4,6 +4,8 @@ materials
     Panes, mirrors, solids, diffuse surfaces.
 model
     What every reader gives.
+group_states
+    States of a model's groups, and models that stay in one of them.
 space
     Rooms by name, with their floors.
 glass, translucent

@@ -24,6 +24,8 @@ launch_size
     Numbers of sensors, paths, photons and shadow rays in one launch.
 flat_arrays, aligned_arrays
     NumPy arrays on the device; those that it takes without a copy.
+labelled
+    Arrays of users, read by their labels.
 storage, zarr_folder
     Files of results, written whole or not at all; arrays in chunks.
 folder_lock
