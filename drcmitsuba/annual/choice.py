@@ -128,7 +128,15 @@ def _by_hour(
     if "time" not in given.dims or not set(given.dims) <= {"time", "fill"}:
         got = f"an array with dims {', '.join(map(str, given.dims)) or 'of none'}"
         raise InputError("choice", opening, got, "give the dim time, and fill for shares")
+    if "fill" in given.dims and given.dtype.kind not in "iuf":
+        raise InputError("choice", opening, f"shares of type {given.dtype}", "give numbers")
+    if "fill" not in given.coords and given.sizes.get("fill", len(fills)) != len(fills):
+        got = f"{given.sizes['fill']} shares without names, of {len(fills)} fills"
+        raise InputError("choice", opening, got, "give the coordinate fill")
     if "time" in given.coords:
+        if given["time"].dtype.kind != "M":
+            got = f"time stamps of type {given['time'].dtype}"
+            raise InputError("choice", opening, got, "give them as datetime64, local standard time")
         given = given.sortby("time")
         known = given["time"].values
         if (twice := known[1:] == known[:-1]).any():
@@ -153,15 +161,18 @@ def _by_hour(
         for name in dict.fromkeys(values.tolist()):
             out[values == name, _index(opening, fills, name)] = 1
         return out
-    names = given["fill"].values if "fill" in given.coords else range(given.sizes["fill"])
-    for column, name in zip(values.T, names, strict=True):
-        out[:, _index(opening, fills, name)] += column
+    names = given["fill"].values if "fill" in given.coords else range(len(fills))
+    columns = [_index(opening, fills, name) for name in names]
+    if len(set(columns)) < len(columns):
+        raise InputError("choice", opening, "a fill that comes twice", "name each fill once")
+    out[:, columns] = values
     return _checked(opening, out)
 
 
 def _index(opening: str, fills: tuple[str, ...], name: Any) -> int:
     """Index of a fill by its name, or by its number; "open" stands for the first one."""
-    if isinstance(name, int | np.integer) and 0 <= name < len(fills):
+    is_number = isinstance(name, int | np.integer) and not isinstance(name, bool)
+    if is_number and 0 <= name < len(fills):
         return int(name)
     if name == OPEN:
         return 0

@@ -134,8 +134,8 @@ class Elements:
         Parameters
         ----------
         states : np.ndarray or DataArray of int, shape (time, opening)
-            Index of the fill of every opening at every time stamp; labels `time` and `group`, where
-            an array has them, count.
+            Index of the fill of every opening at every time stamp; labels `time` and `opening`, or
+            `group`, count where an array has them.
 
         Returns
         -------
@@ -148,6 +148,8 @@ class Elements:
             Another shape, or an index out of range.
         """
         light, known = self.daylight.alone(), self.groups
+        if isinstance(states, xr.DataArray) and "opening" in states.dims:
+            states = states.rename(opening="group")
         labels: dict[str, Any] = {"time": light.sky["time"].values, "group": known.names}
         given = in_order(states, labels, "states")
         shape = (light.sky.sizes["time"], len(known))
@@ -155,8 +157,8 @@ class Elements:
             got = f"the shape {given.shape}"
             raise InputError("states", "shape", got, f"give {shape}: time stamps and openings")
         if given.dtype.kind not in "iu" or (given < 0).any() or (given > known.last).any():
-            got = "what is no index of a fill"
-            raise InputError("states", "index", got, f"whole numbers from 0 to {known.last}")
+            got, most = "what is no index of a fill", ", ".join(map(str, known.last))
+            raise InputError("states", "index", got, f"whole numbers from 0 to {most} by opening")
         facade, light = self._fixed({})
         shares = self.channels[0].shares(given)
         return self._illuminance(facade, light, shares)
@@ -180,6 +182,9 @@ class Elements:
         light = self.daylight
         time = light.sky["time"].values
         chosen, first = (ChosenFills.of(self.fills, each, time) for each in (choice, drawn))
+        if both := chosen.named & first.named:
+            got = f"{self.openings[min(both)]} is in the choice, too"
+            raise InputError("drawn", "opening", got, "name it in one of them")
         if first.hourly:
             got = f"fills of {self.openings[min(first.hourly)]} by the hour"
             raise InputError("drawn", "time", got, "give them as a choice, or one for all hours")

@@ -179,7 +179,7 @@ def evaluate(
             "--workers": workers, "--scheduler": scheduler, "--block": block, "--spaces": spaces,
         })  # fmt: skip
         with locked(output):
-            _evaluate_variants(case, variants.split(","), output, weather)
+            _evaluate_variants(case, [*map(str.strip, variants.split(","))], output, weather)
         return
     chosen = load(case, weather).with_spaces(_names(spaces) if spaces is not None else ())
     if block is not None:

@@ -59,6 +59,9 @@ def save_schedule(states: xr.DataArray, groups: GroupStates, path: str | Path) -
     ... )
     >>> controls.save_schedule(states, groups, "states.csv")
     """
+    if not isinstance(states, xr.DataArray) or "time" not in states.coords:
+        got, remedy = "states without time stamps", "give a DataArray over time and group"
+        raise InputError("schedule", "states", got, remedy)
     labels = {"time": states["time"].values, "group": groups.names}
     values = in_order(states, labels, "schedule")
     values = states_of(values, states["time"], groups, "schedule").values

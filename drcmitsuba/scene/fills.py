@@ -55,10 +55,13 @@ def openings_of(case: Case, fills: Fills = ()) -> PaneGroups:
     names = own.states.names
     if not isinstance(fills, Mapping):
         fills = dict.fromkeys(names, fills)
-    for opening in fills:
+    for opening, of_opening in fills.items():
         if opening not in names:
             got = f"no opening {shortened(opening)}"
             raise InputError(case.source, "fills", got, choose(opening, names))
+        listed = isinstance(of_opening, Sequence) and not isinstance(of_opening, str)
+        if not listed or not all(isinstance(fill, str) for fill in of_opening):
+            raise InputError(case.source, "fills", shortened(of_opening), 'give a list: ["hole"]')
     states, materials = [], []
     every = zip(names, own.states.states, own.materials, drawn_in(case, own), strict=True)
     for g, (name, known, kinds, drawn) in enumerate(every):

@@ -211,6 +211,9 @@ def same_light(ours, theirs):
     assert ours.attrs == theirs.attrs
 
 
+NOON = np.datetime64("2015-03-01T08", "ns")
+
+
 @pytest.mark.parametrize(
     ("choice", "message"),
     [
@@ -219,6 +222,17 @@ def same_light(ours, theirs):
         ({"south": {"glass": 0.5, "opal": 0.4}}, "shares 0.5, 0, 0.4, 0, 0.9 together; give"),
         ({"south": {"glass": 1.5, "opal": -0.5}}, "give shares from 0 that add up to 1"),
         ({"south": 3.0}, "choice: south: float; give a fill"),
+        ({"south": {"glass": "1"}}, 'the share "1" of "glass"; give a number from 0 to 1'),
+        ({"south": xr.DataArray([True], {"time": [NOON]}, ("time",))}, "no fill at 2015-03-"),
+        ({"south": xr.DataArray(["glass"], {"time": ["noon"]}, ("time",))}, "as datetime64"),
+        (
+            {"south": xr.DataArray([[0.5, 0.5]], {"time": [NOON]}, ("time", "fill"))},
+            "2 shares without names",
+        ),
+        (
+            {"south": xr.DataArray([["a"]], {"time": [NOON]}, ("time", "fill"))},
+            "shares of type <U1; give numbers",
+        ),
         ("opal", 'choice: opening: "opal"; give a mapping from openings to fills'),
         ({"south": xr.DataArray(["glass"], dims="hour")}, "an array with dims hour; give the dim"),
         ({"south": xr.DataArray(["glass"], dims="time")}, "1 entries without time stamps, the "),
@@ -236,6 +250,20 @@ def test_bad_choices_are_refused(light, choice, message):
     with pytest.raises(InputError) as error:
         light.evaluate(choice)
     assert message in str(error.value)
+
+
+def test_states_follow_their_labels_and_an_opening_is_chosen_once(light):
+    hours = light.daylight.alone().sky["time"].values
+    states = np.random.default_rng(1).integers(0, np.array(light.groups.last) + 1,
+                                               (len(hours), len(light.openings)))  # fmt: skip
+    named = xr.DataArray(
+        states, {"time": hours, "opening": [*light.openings]}, ("time", "opening")
+    )[::-1, ::-1]
+    xr.testing.assert_identical(light.in_states(named), light.in_states(states))
+    with pytest.raises(InputError, match="south is in the choice, too; name it in one of them"):
+        light.evaluate({"south": "glass"}, drawn={"south": "opal"})
+    with pytest.raises(InputError, match=r'fills: "hole"; give a list: \["hole"\]'):
+        drcmitsuba.elements(light.case, "hole")
 
 
 @pytest.mark.parametrize(
