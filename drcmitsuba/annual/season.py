@@ -49,7 +49,7 @@ class Season:
     clear: Months
     opening: Months
     notes: tuple[str, ...] = ()
-    """What was assumed or left out."""
+    """Sentences that tell what was assumed or left out."""
 
     @property
     def relative(self) -> list[float | None]:

@@ -68,11 +68,10 @@ def years_of_states(
     channels = scene.channels_of(case, effects)
     labels = Patches(case.sky.subdivision).labels
     L = luminances_of(daylight, (*labels, *daylight.suns.labels))
-    parts, years = _parts(case, indices), list[elements.Year]()
-    for openings, hours in parts:
-        *first, count = openings.states.starts
-        shares = elements.chosen(np.array(first), indices[hours], count)
-        years.append(elements.Year.of(L[hours], shares, len(labels)))
+    parts = _parts(case, indices)
+    *first, count = prepared(case).groups.states.starts
+    shares = elements.chosen(np.array(first), indices, count)
+    years = [elements.Year.of(L[hours], shares[hours], len(labels)) for _, hours in parts]
     content = () if run.blocks is None else tuple(
         of for openings, _ in parts for of in _content(case, openings, effects, channels)
     )  # fmt: skip

@@ -26,7 +26,7 @@ from drcmitsuba.model.model import (
 )
 from drcmitsuba.model.unstated import without_stated
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.toml import Name, Table, choose, fits, shortened
+from drcmitsuba.runtime.toml import Name, Table, choose, fits, shortened, unmet
 
 METRES = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "in": 0.0254}
 """Metres per unit."""
@@ -118,10 +118,9 @@ class ModelTable(Table):
             ("context", self.context, names), ("leave_out", self.leave_out, names),
             ("reflectances", tuple(self.reflectances), in_all_states),
         ):  # fmt: skip
-            for pattern in wanted:
-                if not any(fits(name, [pattern]) for name in known):
-                    got = f"no surface has the material {shortened(pattern)}"
-                    raise InputError(source, f"model.{field}", got, choose(pattern, known))
+            for pattern in unmet(wanted, known):
+                got = f"no surface has the material {shortened(pattern)}"
+                raise InputError(source, f"model.{field}", got, choose(pattern, known))
         kept = [
             self._settled(layer, own, source)
             for layer in model.layers

@@ -29,6 +29,7 @@ MOST_ROWS = 100_000
 PART = re.compile(r'"([^"]+)"|([^."]+)')
 """Part of a key; in quotes, as in TOML, it may hold dots."""
 KEY = re.compile(rf"(?:{PART.pattern})(?:\.(?:{PART.pattern}))*")
+"""Key of a value: its parts, with dots between them."""
 NUMBER = re.compile(r"[-+]?((0|[1-9][0-9]*)(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?")
 """Number of a CSV file; text such as 007 or 1_000 is a name."""
 LONGEST = 40

@@ -18,7 +18,7 @@ from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.fills import Fills, names_of, openings_of
 from drcmitsuba.scene.pane_groups import PaneGroups
-from drcmitsuba.scene.panes_in_state import STAY, groups_with_surfaces
+from drcmitsuba.scene.panes_in_state import groups_with_surfaces, refuse_surfaces
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.scene import Tint, untinted
 from drcmitsuba.sky.daylight import Daylight
@@ -52,11 +52,9 @@ class ViewFacade:
         groups.states.indices(state)  # refuses others
         both = zip(groups.states.states, groups.facings, strict=True)
         changes = any(len(states) > 1 and facings for states, facings in both)
-        alone = groups_with_surfaces(case)
-        if alone and fills:
-            got = "its states have surfaces of their own"
-            raise InputError(case.source, f"groups.{alone[0]}", got, STAY)
-        if alone or not (changes or fills):
+        if fills:
+            refuse_surfaces(case)
+        if groups_with_surfaces(case) or not (changes or fills):
             return cls(case, state, None)
         panes = openings_of(case, fills)
         fit = any(panes.states.closable) and panes.states.starts[-1] <= MOST_ELEMENTS

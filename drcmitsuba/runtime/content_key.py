@@ -17,7 +17,7 @@ DIGITS = 32
 
 
 def file_numbers(file: Path) -> tuple[int, ...]:
-    """Numbers that change when another file takes the place of one; copies may keep its time."""
+    """Return numbers that differ where another file takes the place of one and keeps its time."""
     status = file.stat()
     return status.st_mtime_ns, status.st_size, status.st_ino
 

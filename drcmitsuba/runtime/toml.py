@@ -9,7 +9,7 @@ import json
 import re
 import sys
 import textwrap
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -199,6 +199,11 @@ def fits(name: str, patterns: Iterable[str]) -> bool:
     All other signs stand for themselves: brackets and question marks occur in names of rooms.
     """
     return any(_fits(name, pattern) for pattern in patterns)
+
+
+def unmet(patterns: Iterable[str], names: Collection[str]) -> list[str]:
+    """List the patterns that no name fits."""
+    return [pattern for pattern in patterns if not any(_fits(name, pattern) for name in names)]
 
 
 def _fits(name: str, pattern: str) -> bool:

@@ -17,6 +17,7 @@ from drcmitsuba.model.materials import (
     SurfaceMaterial,
 )
 from drcmitsuba.model.model import Layer
+from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import Side
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.geometry import SIDES, origin, recentred, rotation, wall
@@ -25,8 +26,6 @@ from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.prepared_case import prepared
 
-STAY = "leave out its [groups.NAME], and name the state in which it stays: states in [model]"
-"""Remedy where a task cannot take groups whose states have surfaces of their own."""
 Quads = list[np.ndarray]
 """Rectangles, shape (4, 3) each, fronts inward [m]."""
 
@@ -136,6 +135,16 @@ def groups_with_surfaces(case: Case) -> list[str]:
     ]
     every += [layer.stands_in for layer in case.building.layers if layer.stands_in in case.groups]
     return [*dict.fromkeys(every)]
+
+
+def refuse_surfaces(case: Case) -> None:
+    """Raise InputError where states of a group have surfaces of their own."""
+    for group in groups_with_surfaces(case)[:1]:
+        got = "its states have surfaces of their own"
+        remedy = (
+            "leave out its [groups.NAME], and name the state in which it stays: states in [model]"
+        )
+        raise InputError(case.source, f"groups.{group}", got, remedy)
 
 
 @dataclass(frozen=True, eq=False)

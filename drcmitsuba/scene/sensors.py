@@ -25,7 +25,7 @@ from drcmitsuba.model.model import Model, ModelShape, SensorGrid
 from drcmitsuba.model.notes import MOST_NAMES, Notes
 from drcmitsuba.model.space import Space, space_at
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.toml import choose, fits, shortened
+from drcmitsuba.runtime.toml import choose, fits, shortened, unmet
 from drcmitsuba.scene.components import inside
 from drcmitsuba.scene.geometry import boxes, origin, recentred, rotation
 from drcmitsuba.scene.sensors_of_model import (
@@ -173,11 +173,10 @@ def placed_sensors(case: Case) -> PlacedSensors:
     spaces = spaces_of(case)
     at = space_at(spaces, placed.points)
     names = [spaces[k].name for k in np.unique(at[at >= 0])]
-    for pattern in patterns:
-        if not any(fits(name, [pattern]) for name in names):
-            got = f"no space with sensors is called {shortened(pattern)}"
-            remedy = choose(pattern, names) if names else NAME_SPACES
-            raise InputError(case.source, "output.spaces", got, remedy)
+    for pattern in unmet(patterns, names):
+        got = f"no space with sensors is called {shortened(pattern)}"
+        remedy = choose(pattern, names) if names else NAME_SPACES
+        raise InputError(case.source, "output.spaces", got, remedy)
     wanted = [fits(space.name, patterns) for space in spaces]
     return placed.only(np.array([*wanted, False])[at])
 

@@ -20,7 +20,7 @@ from drcmitsuba.case.sensors import (
 from drcmitsuba.model.model import Layer, Model, SensorGrid
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
-from drcmitsuba.runtime.toml import choose, fits, shortened
+from drcmitsuba.runtime.toml import choose, fits, shortened, unmet
 from drcmitsuba.scene.floors_of_model import FloorPart, rooms_of
 from drcmitsuba.scene.panes_of_model import all_surfaces
 
@@ -56,11 +56,10 @@ def in_spaces(model: Model, sensors: SpaceSensors, source: str) -> tuple[SensorG
         No space has a given name, no point is left, or there are too many.
     """
     names = [space.name for space in model.spaces]
-    for pattern in sensors.spaces:
-        if not any(fits(name, [pattern]) for name in names):
-            got = f"there is no space {shortened(pattern)}"
-            remedy = choose(pattern, names) if names else f"the model has none: {NAME_SPACES}"
-            raise InputError(source, "sensors.spaces", got, remedy)
+    for pattern in unmet(sensors.spaces, names):
+        got = f"there is no space {shortened(pattern)}"
+        remedy = choose(pattern, names) if names else f"the model has none: {NAME_SPACES}"
+        raise InputError(source, "sensors.spaces", got, remedy)
     parts = (
         FloorPart(f"{space.name} {k}" if len(space.floors) > 1 else space.name, z, outline)
         for space in model.spaces
@@ -128,10 +127,9 @@ def listed(model: Model, sensors: PointSensors, source: str) -> tuple[SensorGrid
 
         return (read_points(sensors.points),)
     names = [grid.name for grid in model.grids]
-    for pattern in sensors.grids:
-        if not any(fits(name, [pattern]) for name in names):
-            got = f"the model has no grid {shortened(pattern)}"
-            raise InputError(source, "sensors.grids", got, choose(pattern, names))
+    for pattern in unmet(sensors.grids, names):
+        got = f"the model has no grid {shortened(pattern)}"
+        raise InputError(source, "sensors.grids", got, choose(pattern, names))
     wanted = (g for g in model.grids if fits(g.name, sensors.grids))
     grids = tuple(grid for grid in wanted if len(grid.points))
     if not grids:

@@ -20,7 +20,7 @@ from drcmitsuba.runtime.toml import Side, shortened
 from drcmitsuba.scene.like_panes import NO_GROUP, LikePanes, assigned_to, like_panes
 from drcmitsuba.scene.materials import shade_covers
 from drcmitsuba.scene.pane_groups import Member, PaneGroups
-from drcmitsuba.scene.panes_in_state import STAY, groups_with_surfaces
+from drcmitsuba.scene.panes_in_state import refuse_surfaces
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.tiled_facades import TiledFacades, refuse_structures_in_strips
 
@@ -200,9 +200,7 @@ def _placed(case: Case, first: Case, every: Sequence[LikePanes]) -> list[_States
 
 def _refuse_other_panes(case: Case, first: Case, every: Sequence[LikePanes]) -> None:
     """Refuse a variant of a model whose surfaces differ, or panes that no opening holds."""
-    for group in groups_with_surfaces(case)[:1]:
-        got = "its states have surfaces of their own"
-        raise InputError(case.source, f"groups.{group}", got, STAY)
+    refuse_surfaces(case)
     known = {(panes.layer, panes.facing, panes.space) for panes in every}
     outside = {
         layer: sum(len(p.quads) for p in every if p.layer == layer and p.quads is not None)

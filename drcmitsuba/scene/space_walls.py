@@ -20,7 +20,7 @@ from drcmitsuba.model.model import Model
 from drcmitsuba.model.plane import Plane
 from drcmitsuba.model.windows import GRID
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.toml import choose, fits, shortened
+from drcmitsuba.runtime.toml import choose, fits, shortened, unmet
 from drcmitsuba.scene.geometry import turn
 from drcmitsuba.scene.panes_of_model import side_name
 from drcmitsuba.scene.prepared_case import prepared
@@ -94,10 +94,9 @@ def meant_walls(case: Case, design: Design) -> list[SpaceWall]:
         raise InputError(case.source, "design.spaces", "the model has no spaces", remedy)
     names = list(dict.fromkeys(layers[i].name for wall in every for i in wall.shapes))
     for key, patterns, known in (("spaces", design.spaces, spaces), ("walls", design.walls, names)):
-        for pattern in patterns:
-            if not any(fits(name, [pattern]) for name in known):
-                got = f"none is called {shortened(pattern)}"
-                raise InputError(case.source, f"design.{key}", got, choose(pattern, known))
+        for pattern in unmet(patterns, known):
+            got = f"none is called {shortened(pattern)}"
+            raise InputError(case.source, f"design.{key}", got, choose(pattern, known))
     facings = sorted({wall.facing for wall in every})
     if design.side is not None and design.side not in facings:
         got = f"no outer wall faces {design.side}"

@@ -31,7 +31,7 @@ from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import origin
 from drcmitsuba.scene.pane_groups import PaneGroups
-from drcmitsuba.scene.panes_in_state import STAY, grouped_panes, groups_with_surfaces
+from drcmitsuba.scene.panes_in_state import grouped_panes, refuse_surfaces
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.sky.sun_models import Suns
@@ -149,9 +149,8 @@ class ElementTrace:
             The case has no openings, or too many fills, or fills that no sum can hold.
         """
         case = case.without_polish()
-        for group in [] if openings.standing else groups_with_surfaces(case)[:1]:
-            got = "its states have surfaces of their own"
-            raise InputError(case.source, f"groups.{group}", got, STAY)
+        if not openings.standing:
+            refuse_surfaces(case)
         effects = replace(effects, pane_to_pane=False)
         groups, panes = openings.states, grouped_panes(case, effects, openings)
         if not panes:
