@@ -11,6 +11,7 @@ import xarray as xr
 from drcmitsuba.case.groups import GroupStates
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.labelled import in_order
+from drcmitsuba.runtime.toml import shortened
 
 Control = Callable[[xr.Dataset, xr.Dataset, xr.DataArray], Any]
 """Function of E with all groups open [lx], of the weather from `outside` and of the time stamps. It
@@ -124,7 +125,7 @@ def seasonal(
     Raises
     ------
     InputError
-        As `states_of`; months out of range.
+        As `states_of` and `in_state`; months out of range.
 
     Examples
     --------
@@ -144,5 +145,20 @@ def seasonal(
         raise InputError("seasonal", "months", f"{sorted(months)}", "give numbers from 1 to 12")
     others = called(control, E, weather, time, groups)
     out_of_season = np.isin(time.dt.month.values, list(months))[:, None]
-    fixed = np.minimum(state, np.array(groups.last))
+    fixed = in_state(state, groups)
     return states_of(np.where(out_of_season, fixed, others.values), time, groups, "seasonal")
+
+
+def in_state(state: int, groups: GroupStates) -> np.ndarray:
+    """Indices of the groups' states, int, (group,): one for all, or the last one of fewer states.
+
+    Raises
+    ------
+    InputError
+        It is no index, or no group has so many states.
+    """
+    most = max(groups.last, default=0)
+    if not isinstance(state, int | np.integer) or not 0 <= state <= most:
+        remedy = f"give the index of a state, from 0 to {most}"
+        raise InputError("control", "state", shortened(str(state)), remedy)
+    return np.minimum(state, np.array(groups.last, int))

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.case.groups import GroupStates
-from drcmitsuba.controls.control import states_of
+from drcmitsuba.controls.control import in_state, states_of
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.labelled import in_order
 
@@ -69,7 +69,8 @@ def work_plane(
     close, reopen : float
         Mean illuminance at which groups close, and below which they open, by default the same [lx].
     state : int, optional
-        Index of the state that closed groups take; by default their last one.
+        Index of the state that closed groups take, those with fewer states their last one; by
+        default the last one of each.
 
     Returns
     -------
@@ -78,7 +79,7 @@ def work_plane(
     Raises
     ------
     InputError
-        As `closed_by` and `control.states_of`.
+        As `closed_by` and `control.states_of`, and `control.in_state` for `state`.
 
     Examples
     --------
@@ -195,6 +196,5 @@ def _closing(
 ) -> xr.DataArray:  # fmt: skip
     """States by `closed_by`: `state`, or the last one, of closed groups."""
     closed = closed_by(signal, time, close, close if reopen is None else reopen)
-    last = np.array(groups.last)
-    taken = last if state is None else np.minimum(state, last)
+    taken = np.array(groups.last, int) if state is None else in_state(state, groups)
     return states_of(closed * taken, time, groups)

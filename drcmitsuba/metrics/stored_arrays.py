@@ -37,6 +37,9 @@ def open_dataset(path: Path, *variables: str) -> xr.Dataset:
         raise InputError(path, "results", "no such file or folder", "run the step that writes it")
     if not (path.is_dir() or path.is_file()):  # a device would never end
         raise InputError(path, "results", "no plain file", REMEDY)
+    if some := [file.name for file in sorted(path.glob("*")) if file.suffix in (".nc", ".zarr")]:
+        remedy = f"name one of its files: {', '.join(some[:5])}"
+        raise InputError(path, "results", "a folder of several", remedy)
     data = _attempt(path, lambda: _opened(path, mask_and_scale=False))
     if not _is_plain(data):
         data = _attempt(path, lambda: _opened(path, mask_and_scale=True))

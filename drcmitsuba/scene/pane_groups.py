@@ -256,6 +256,8 @@ def _meant(case: Case, name: str, every: list[LikePanes]) -> list[LikePanes]:
     if not mine:
         known = list(dict.fromkeys(map(str, every)))[:8]
         remedy = f"name some of the panes: {', '.join(known) or 'there are none'}"
+        if of_model := [g for g in dict.fromkeys(layer.group for layer in layers) if g]:
+            remedy = f"{remedy}; groups of the model: {', '.join(map(shortened, of_model[:8]))}"
         raise InputError(case.source, f"groups.{name}.panes", got, remedy)
     return mine
 

@@ -128,7 +128,7 @@ def test_what_is_no_result_gives_one_line(tmp_path):
     cut.write_bytes((tmp_path / "c.nc").read_bytes()[:1000])
     for path, message in (
         (tmp_path / "none.nc", "no such file or folder; run the step that writes it"),
-        (tmp_path, "give a file of this program"),
+        (tmp_path, r"a folder of several; name one of its files: c\.nc, cut\.nc"),
         (text, "give a file of this program"),
         (cut, "give a file of this program"),
     ):

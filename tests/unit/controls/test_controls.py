@@ -272,6 +272,8 @@ def test_winter_takes_the_blind_out():
     assert film.values.tolist() == [[2, 1], [1, 1], [2, 1]]
     with pytest.raises(InputError, match="numbers from 1 to 12"):
         controls.seasonal(E, weather(time), time, groups=TWO, control=control, months=[0])
+    with pytest.raises(InputError, match='state: "-1"; give'):
+        controls.seasonal(E, weather(time), time, groups=TWO, control=control, months=[], state=-1)
 
 
 def test_the_best_state_of_every_hour():
@@ -332,6 +334,8 @@ def test_a_function_that_returns_anything_else_is_refused(answer, complaint):
         (lambda E, w, t: controls.work_plane(E, w, t, groups=SHADE, close=1, reopen=2), "reopen"),
         (lambda E, w, t: controls.work_plane(E * np.nan, w, t, groups=SHADE), "NaN"),
         (lambda E, w, t: controls.facade_irradiance(E, w, t, groups=TWO, azimuths=[1]), "1 for 2"),
+        (lambda E, w, t: controls.work_plane(E, w, t, groups=SHADE, state=2), '"2"; .* to 1'),
+        (lambda E, w, t: controls.work_plane(E, w, t, groups=SHADE, state="x"), 'state: "x"; give'),
         (
             lambda E, w, t: controls.cut_off(
                 E, w, t, groups=TWO, azimuths=[0, 0], tilts=[[0], [0]], spacing=1, width=1

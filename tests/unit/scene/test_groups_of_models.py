@@ -119,6 +119,7 @@ def test_groups_that_stay_in_their_first_state_are_told(tmp_path):
     [
         ("[groups.tree]\n", ("dull", "bright"), "groups.tree: no pane to the outside"),
         (f'{TREE}states = ["fabric"]\n', ("dull", "bright"), "groups.tree.states"),
+        ("[groups.tre]\n", ("dull", "bright"), 'tre.panes: .*; groups of the model: "south'),
         ("[groups.south]\n", ("dull", "mirror"), '"dull" is a mirror or a clear solid'),
     ],
 )
