@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,6 +30,7 @@ from drcmitsuba.sky.luminances import blended
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.elements import LightByElement, compute
 from drcmitsuba.transport.elements.known_year import KnownYear
+from drcmitsuba.transport.elements.light_of_surfaces import AnyLight
 from drcmitsuba.transport.elements.simulate import MOST_BYTES
 from drcmitsuba.transport.elements.trace import Points
 from drcmitsuba.transport.elements.weights import different_rows
@@ -91,14 +92,14 @@ class KnownLight:
         return cls(years, suns_of(daylight, light))
 
     @classmethod
-    def by_bin(cls, channels: tuple[LightByElement, ...], daylight: Daylight) -> KnownLight:
+    def by_bin(cls, channels: tuple[AnyLight, ...], daylight: Daylight) -> KnownLight:
         """Light that few façades take, each of which sums it by its own bins."""
         L = luminances_of(daylight, channels[0].labels)
         years = tuple(YearByBin(each, L) for each in channels)
         return cls(years, suns_of(daylight, channels[0]))
 
 
-def suns_of(daylight: Daylight, light: LightByElement) -> np.ndarray:
+def suns_of(daylight: Daylight, light: AnyLight) -> np.ndarray:
     """Bins that stand for the suns that shine in the whole year, int, shape (bin,).
 
     They are positions among all bins in rising order; patches of the sky may be among them.
@@ -115,7 +116,7 @@ class ChosenFacade:
 
     case: Case
     openings: GroupStates
-    channels: tuple[LightByElement, ...]
+    channels: tuple[AnyLight, ...]
     still: np.ndarray
     """Shares of all elements where no group moves, shape (element,)."""
     moving: MovingGroups
@@ -130,7 +131,7 @@ class ChosenFacade:
 
     @classmethod
     def of(
-        cls, case: Case, panes: PaneGroups, channels: tuple[LightByElement, ...],
+        cls, case: Case, panes: PaneGroups, channels: tuple[AnyLight, ...],
         marked: Mapping[str, Any], time: xr.DataArray, chosen: ChosenFills,
         drawn: Mapping[int, np.ndarray], members: Mapping[int, Member] | None = None,
         light: KnownLight | None = None, factors: np.ndarray | float = 1.0,
@@ -163,10 +164,21 @@ class ChosenFacade:
         """Shares of all elements (…, element), from the state of every group (…, group)."""
         return self.moving.shares(self.still, indices) * self.factors
 
+    def rows(self, daylight: Daylight, openings: Sequence[int]) -> np.ndarray:
+        """Shares of all elements (row, element) by which some openings may stand in a year."""
+        time, moving = daylight.sky["time"], self.moving
+        indices = np.unique(moving.schedule.indices(time), axis=0)
+        for k, group in enumerate(moving.groups):
+            if group.by_hour is None and any(opening in openings for opening, _ in group.parts):
+                count = len(group.states)
+                indices = np.repeat(indices, count, axis=0)
+                indices[:, k] = np.tile(np.arange(count), len(indices) // count)
+        return self.shares(indices)
+
     def state(self, state: State, labels: np.ndarray | None, progress: Progress) -> xr.Dataset:
         """C [sr] of a state for all suns; see `StateSource`."""
         shares = self._shares_of(state)
-        C = joined_channels([light.coefficients(shares) for light in self.channels])
+        C = joined_channels([each.coefficients(shares) for each in self._standing(shares)])
         C = self._with_sensors(C)
         progress(1)
         return self._with_suns_by_hour(self._with_group_of_sun(C, shares)) if state == OPEN else C
@@ -217,7 +229,7 @@ class ChosenFacade:
     def _straight(self, shares: np.ndarray, suns: np.ndarray) -> xr.Dataset:
         channels = []
         labels = np.array(self.channels[0].labels, dtype=object)[suns]
-        for each in self.channels:
+        for each in self._standing(shares):
             both = zip(("straight", "straight_se"), each.straight(shares, suns), strict=True)
             arrays = {name: (("sensor", "bin"), values.T) for name, values in both}
             channels.append(xr.Dataset(arrays, {"bin": labels}))
@@ -228,7 +240,7 @@ class ChosenFacade:
         """`replicates` of C of the open state [sr], of the bins that are bright in the daylight."""
         assert self.light is not None
         shares, bins = self._shares_of(OPEN), self.light.bright
-        C = joined_channels([each.replicates_at(shares, bins) for each in self.channels])
+        C = joined_channels([each.replicates_at(shares, bins) for each in self._standing(shares)])
         return self._with_sensors(C).assign_attrs(self.attributes)
 
     def known(
@@ -271,6 +283,10 @@ class ChosenFacade:
         """Shares of all elements (element,) in a state of the groups."""
         return self.shares(np.array(self.moving.states.indices(state), int))
 
+    def _standing(self, shares: np.ndarray) -> tuple[LightByElement, ...]:
+        """Light of every channel by the surfaces that stand with shares (element,)."""
+        return tuple(each.standing(shares) for each in self.channels)
+
     def _with_sensors(self, data: xr.Dataset) -> xr.Dataset:
         """Arrays with the coordinates of the sensors."""
         return data.assign_coords(prepared(self.case).receivers.coordinates.coords)
@@ -287,7 +303,7 @@ class ChosenFacade:
             return C
         every = range(len(starts) - 1)
         group = np.repeat(list(map(self.moving.number_of, every)), np.diff(starts))
-        out = group_of_sun(self.channels, shares, group, len(groups), bins)
+        out = group_of_sun(self._standing(shares), shares, group, len(groups), bins)
         return C.assign(pane_group=(("sensor", "bin"), out))
 
 

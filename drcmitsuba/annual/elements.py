@@ -8,9 +8,11 @@ choice ─ ChosenFills ──────► shares that stay, groups that move
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +26,7 @@ from drcmitsuba.annual.recombined_year import recombined
 from drcmitsuba.annual.result import Result
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.summed_year import Opened
+from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import GroupStates
 from drcmitsuba.case.reading import load_case
@@ -31,14 +34,20 @@ from drcmitsuba.plan import Plan, notes, without_rounds
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.labelled import in_order
-from drcmitsuba.runtime.progress import Stage, silent
+from drcmitsuba.runtime.progress import Progress, Stage, part, silent
 from drcmitsuba.runtime.threads import one_blas_thread
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.fills import Fills, names_of
 from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.panes_in_state import by_surfaces, groups_with_surfaces
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import describe, mean_and_error
 from drcmitsuba.sky.daylight import Daylight, daylight_and_year
-from drcmitsuba.transport import elements as by_element
+from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport.elements import LightByElement, compute
+from drcmitsuba.transport.elements.light_of_surfaces import AnyLight, LightOfSurfaces
+from drcmitsuba.transport.elements.simulate import MOST_BYTES
 
 
 @dataclass(frozen=True, repr=False)
@@ -51,7 +60,7 @@ class Elements:
     run: Run
     panes: PaneGroups
     """Openings of the case with all of their fills."""
-    channels: tuple[by_element.LightByElement, ...]
+    channels: tuple[AnyLight, ...]
     """Light of every colour channel; one of a grey case."""
 
     @property
@@ -70,7 +79,7 @@ class Elements:
         return names_of(self.case, self.panes)
 
     def evaluate(self, choice: Choice | None = None, drawn: Choice | None = None) -> Result:
-        """Evaluate a façade: E, metrics and their intervals, without tracing anything.
+        """Evaluate a façade: E, metrics and their intervals, without tracing it.
 
         Parameters
         ----------
@@ -98,11 +107,14 @@ class Elements:
         Notes
         -----
         Façades of the same elements share their light paths: the difference of two has a smaller
-        error than either one.
+        error than either one. Where fills bring surfaces of their own, the light with a set of
+        these is simulated for the first façade that has it.
         """
         run = replace(self.run, seconds=dict(self.run.seconds), ray_counter=Counter())
         with one_blas_thread():
             facade, light = self._facade(choice or {}, drawn or {})
+            for channel in self._of_surfaces[:1]:
+                self._simulate(facade.rows(light, channel.openings), run)
         return recombined(facade, self._summed, light, run, self._notes)
 
     def illuminance(self, choice: Choice | None = None) -> xr.Dataset:
@@ -165,11 +177,21 @@ class Elements:
 
     def _illuminance(self, facade: ChosenFacade, light: Daylight, shares: np.ndarray) -> xr.Dataset:
         """`total` and `total_se` [lx] of shares (time, element)."""
+        self._simulate(shares, self.run)
         E = facade.illuminance(light, shares)
         mean, error = mean_and_error(E.transpose("replicate", ...).values)
         dims = [dim for dim in E.dims if dim != "replicate"]
         out = xr.Dataset({"total": (dims, mean), "total_se": (dims, error)}, E.coords)
         return describe(out.assign_coords(prepared(self.case).receivers.coordinates.coords))
+
+    def _simulate(self, shares: np.ndarray, run: Run) -> None:
+        """Simulate the light that lacks of the surfaces that stand by shares (row, element)."""
+        channels = self._of_surfaces
+        for light in channels[:1]:
+            sets = [*dict.fromkeys(map(light.fills, np.unique(shares, axis=0)))]
+            if lacking := [fills for fills in sets if fills not in light.known]:
+                with run.timed("elements") as done:
+                    _simulate(channels, lacking, done)
 
     def _fixed(self, choice: Choice) -> tuple[ChosenFacade, Daylight]:
         """Façade of a choice whose other openings stay as drawn, at the case's own time stamps."""
@@ -196,10 +218,18 @@ class Elements:
         )  # fmt: skip
         return facade, light
 
+    @property
+    def _of_surfaces(self) -> list[LightOfSurfaces]:
+        """Light of every channel, where fills bring surfaces; else none."""
+        return [light for light in self.channels if isinstance(light, LightOfSurfaces)]
+
     @cached_property
     def _light(self) -> KnownLight | None:
-        """Light hour by hour, which all façades share."""
-        return KnownLight.of(self.channels, self.daylight)
+        """Light in the daylight of the case, which all façades share."""
+        alike = tuple(light for light in self.channels if isinstance(light, LightByElement))
+        if not alike:
+            return KnownLight.by_bin(self.channels, self.daylight)
+        return KnownLight.of(alike, self.daylight)
 
     @cached_property
     def _marked(self) -> dict[str, Any]:
@@ -257,6 +287,11 @@ def elements(case: Case | str | Path, fills: Fills = (), stage: Stage = silent) 
     InputError
         An opening or a fill is unknown, or memory does not hold so many elements.
 
+    Notes
+    -----
+    Groups of a model whose states have surfaces of their own, such as a shelf or a tree, are
+    openings, too; see `Elements.evaluate`.
+
     Examples
     --------
     >>> import drcmitsuba
@@ -276,5 +311,39 @@ def elements(case: Case | str | Path, fills: Fills = (), stage: Stage = silent) 
             panes, planned, run = Opened.of(case, fills, light, run)
             accuracy = run.accuracy(case)
         with run.timed("elements") as done:
-            channels = light_of_channels(case, panes, light.suns, accuracy, planned.scope, done)
+            channels = _light_of_all(case, panes, light.suns, accuracy, planned.scope, done)
     return Elements(case, light, planned, run, panes, channels)
+
+
+def _light_of_all(
+    case: Case, panes: PaneGroups, suns: Suns, accuracy: Accuracy, effects: EnabledEffects,
+    progress: Progress,
+) -> tuple[AnyLight, ...]:  # fmt: skip
+    """Light of every colour channel; where fills bring surfaces, that of what the case draws."""
+    channels = scene.channels_of(case, effects)
+    names = groups_with_surfaces(case)
+    if not names:
+        return light_of_channels(case, panes, suns, accuracy, effects, progress)
+    column = tuple(panes.states.names.index(name) for name in names)
+
+    def made(channel: int, fills: Sequence[int], progress: Progress) -> LightByElement:
+        indices = np.zeros((1, len(panes)), int)
+        indices[:, column] = fills
+        ((standing, _),) = by_surfaces(case, panes, indices)
+        return compute(
+            case, standing, suns, accuracy, effects, channel=channel, progress=progress,
+            most_bytes=MOST_BYTES // len(channels),
+        )  # fmt: skip
+
+    each = tuple(LightOfSurfaces(case.source, column, partial(made, c)) for c in channels)
+    _simulate(each, [(0,) * len(column)], progress)
+    return each
+
+
+def _simulate(
+    channels: Sequence[LightOfSurfaces], sets: Sequence[tuple[int, ...]], progress: Progress
+) -> None:
+    """Simulate the light of some sets of surfaces, channel by channel."""
+    jobs = [*itertools.product(channels, sets)]
+    for i, (channel, fills) in enumerate(jobs):
+        channel.of(fills, part(progress, i / len(jobs), (i + 1) / len(jobs)))

@@ -22,7 +22,7 @@ from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.fills import Fills, effects_of, openings_of
 from drcmitsuba.scene.pane_groups import PaneGroups
-from drcmitsuba.scene.panes_in_state import groups_with_surfaces
+from drcmitsuba.scene.panes_in_state import by_surfaces
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import Daylight
@@ -68,7 +68,7 @@ def years_of_states(
     channels = scene.channels_of(case, effects)
     labels = Patches(case.sky.subdivision).labels
     L = luminances_of(daylight, (*labels, *daylight.suns.labels))
-    parts = _parts(case, indices)
+    parts = by_surfaces(case, prepared(case).groups, indices)
     *first, count = prepared(case).groups.states.starts
     shares = elements.chosen(np.array(first), indices, count)
     years = [elements.Year.of(L[hours], shares[hours], len(labels)) for _, hours in parts]
@@ -101,28 +101,6 @@ def years_of_states(
             case.sky.subdivision, daylight.suns, L.data, L.indices, L.indptr, indices,
         )  # fmt: skip
         yield here, kept.kept(here.stop - here.start, made)
-
-
-def _parts(case: Case, indices: np.ndarray) -> list[tuple[PaneGroups, np.ndarray]]:
-    """Cut a year into time stamps, int, shape (hour,), at which no surface changes.
-
-    A sum over openings knows light by pane, and no surfaces that come and go with the states of a
-    group: a shelf that turns, snow, leaves. The `PaneGroups` of a part say which stand in it.
-    """
-    groups = prepared(case).groups
-    names = groups_with_surfaces(case)
-    if not names:
-        return [(groups, np.arange(len(indices)))]
-    column = [groups.states.names.index(name) for name in names]
-    combinations, of_hour = np.unique(indices[:, column], axis=0, return_inverse=True)
-    parts = []
-    for k, states in enumerate(combinations.tolist()):
-        standing = [0] * len(groups)
-        for g, state in zip(column, states, strict=True):
-            standing[g] = state
-        hours = np.flatnonzero(of_hour.reshape(-1) == k)
-        parts.append((replace(groups, standing=tuple(standing)), hours))
-    return parts
 
 
 def _content(

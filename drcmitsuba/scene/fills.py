@@ -79,8 +79,7 @@ def openings_of(case: Case, fills: Fills = ()) -> PaneGroups:
 def _apart(case: Case, own: PaneGroups) -> PaneGroups:
     """Groups of a case, with the panes of none in openings of their own."""
     # The one shade of a case without clear panes covers nothing.
-    names_of = enumerate(zip(own.states.names, own.facings, strict=True))
-    named = [g for g, (name, facings) in names_of if name != OTHERS and facings]
+    named = [g for g, name in enumerate(own.states.names) if name != OTHERS]
     every, place = [], {old: new for new, old in enumerate(named)}
     rest = []
     for panes in like_panes(case):

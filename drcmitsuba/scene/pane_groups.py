@@ -60,6 +60,10 @@ class TiledSide:
     """Rectangles of every tile, likewise."""
 
 
+NO_SURFACES = -1
+"""In place of a state in which surfaces stand: none come and go with the group."""
+
+
 @dataclass(frozen=True, eq=False)
 class PaneGroups:
     """Groups of the panes of a case."""
@@ -83,8 +87,8 @@ class PaneGroups:
     """Spaces by whose sensors alone the rule of the shade closes each group, () for any; empty
     where none is asked for."""
     standing: tuple[int, ...] = ()
-    """State of each group in which its surfaces stand, whatever state its panes take; empty: that
-    of the panes."""
+    """State of each group in which its surfaces stand, whatever state its panes take, or
+    `NO_SURFACES`; empty: that of the panes."""
 
     @classmethod
     def of(cls, case: Case) -> PaneGroups:
@@ -126,12 +130,13 @@ class PaneGroups:
     @property
     def members(self) -> dict[int, Member]:
         """Groups of openings that have these groups first, in their order, see `scene.fills`."""
-        standing = (
-            (g, states)
-            for g, states in enumerate(self.states.states)
-            if self.facings[g] and self.states.names[g] != OTHERS
-        )
-        return {o: Member(g, (*range(1, len(s)),)) for o, (g, s) in enumerate(standing)}
+        named = enumerate(zip(self.states.names, self.states.states, strict=True))
+        own = [(g, states) for g, (name, states) in named if name != OTHERS]
+        return {o: Member(g, (*range(1, len(s)),)) for o, (g, s) in enumerate(own)}
+
+    def stands(self, group: int, state: int) -> bool:
+        """Whether the surfaces of a group are those of a state, or it has none."""
+        return not self.standing or self.standing[group] in (NO_SURFACES, state)
 
     def of_panes(self, panes: LikePanes) -> int:
         """Group of panes, `NO_GROUP` for none."""

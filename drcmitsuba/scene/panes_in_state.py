@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from drcmitsuba.runtime.toml import Side
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.geometry import SIDES, origin, recentred, rotation, wall
 from drcmitsuba.scene.like_panes import NO_GROUP
-from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.pane_groups import NO_SURFACES, PaneGroups
 from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.prepared_case import prepared
 
@@ -145,6 +145,35 @@ def refuse_surfaces(case: Case) -> None:
             "leave out its [groups.NAME], and name the state in which it stays: states in [model]"
         )
         raise InputError(case.source, f"groups.{group}", got, remedy)
+
+
+def by_surfaces(
+    case: Case, openings: PaneGroups, indices: np.ndarray
+) -> list[tuple[PaneGroups, np.ndarray]]:
+    """Openings with each set of surfaces that stands by states, and the rows that have it.
+
+    A sum over openings knows light by pane, and no surfaces that come and go with the states of a
+    group: a shelf that turns, snow, leaves.
+
+    Parameters
+    ----------
+    case : Case
+    openings : PaneGroups
+        Its groups, or its openings.
+    indices : np.ndarray of int, shape (row, opening)
+        Index of the state of each.
+    """
+    names = groups_with_surfaces(case)
+    if not names:
+        return [(openings, np.arange(len(indices)))]
+    column = [openings.states.names.index(name) for name in names]
+    sets, of_row = np.unique(indices[:, column], axis=0, return_inverse=True)
+    standing = np.full((len(sets), len(openings)), NO_SURFACES)
+    standing[:, column] = sets
+    return [
+        (replace(openings, standing=tuple(states)), np.flatnonzero(of_row.reshape(-1) == k))
+        for k, states in enumerate(standing.tolist())
+    ]
 
 
 @dataclass(frozen=True, eq=False)

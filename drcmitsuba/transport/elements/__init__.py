@@ -17,6 +17,8 @@ straight_light, straight_pairs
     elements, by any shares.
 light, simulate
     Coefficients of every element, of which any façade is recombined.
+light_of_surfaces
+    Light by element for each set of the surfaces that fills bring, made when asked for.
 illuminance
     A year of known shares, of which no coefficients are kept.
 known_year, year_by_bin

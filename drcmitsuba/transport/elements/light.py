@@ -173,6 +173,10 @@ class LightByElement:
         *first, elements = self.openings.starts
         return chosen(np.array(first), np.asarray(indices), elements)
 
+    def standing(self, shares: np.ndarray) -> LightByElement:
+        """Light by the surfaces that stand by the shares of all elements: always the same ones."""
+        return self
+
     def light(self, element: int) -> ElementLight:
         """Light of an element, or the light `BESIDES`."""
         return self.besides if element == BESIDES else self.elements[element]

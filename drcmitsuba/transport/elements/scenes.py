@@ -89,7 +89,8 @@ def elements_of_case(
             if wanted is not None and number not in wanted:
                 continue
             mask = shining if wanted is None else shining & wanted[number]
-            if all(isinstance(each.materials[fill], Lambertian) for each in mine):  # or no pane
+            is_dark = all(isinstance(each.materials[fill], Lambertian) for each in mine)  # or none
+            if is_dark or not openings.stands(opening, fill):
                 elements.append(Element(number, np.arange(sky_bins)))
                 continue
         indices = [fill if g == opening else BLOCKED for g in range(len(groups))]

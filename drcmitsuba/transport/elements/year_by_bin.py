@@ -15,7 +15,7 @@ import numpy as np
 
 from drcmitsuba.runtime.pieces import pieces
 from drcmitsuba.runtime.threads import in_threads
-from drcmitsuba.transport.elements.light import LightByElement
+from drcmitsuba.transport.elements.light_of_surfaces import AnyLight
 from drcmitsuba.transport.elements.weights import MOST_ROWS, different_rows
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 class YearByBin:
     """Luminances of a year, and the light by element that they meet."""
 
-    light: LightByElement
+    light: AnyLight
     L: csr_matrix
     """Luminances of all bins [cd/m²], shape (time, bin)."""
 
@@ -47,7 +47,7 @@ class YearByBin:
         """Fill in E at the places `at` among the `hours`, in which one row of shares holds."""
         L, sky = self.L[hours[at]], self.light.sky_bins
         suns = sky + np.flatnonzero(L[:, sky:].getnnz(axis=0))
-        C = self.light.total(row, np.concatenate([np.arange(sky), suns]))
+        C = self.light.standing(row).total(row, np.concatenate([np.arange(sky), suns]))
         by_sky, by_suns = L[:, :sky].toarray(), L[:, suns]
 
         def of_replicate(r: int) -> None:

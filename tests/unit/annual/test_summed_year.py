@@ -2,13 +2,16 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 
+from drcmitsuba import elements
 from drcmitsuba.annual import simulation
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.summed_year import luminances_of, years_of_states
 from drcmitsuba.case.weather import PeriodTable
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.sky.daylight import daylight
 from tests.unit.scene.test_groups_of_models import TREE, case
@@ -28,25 +31,67 @@ def deviations(a, b):
     return (a.mean(axis=-1) - b.mean(axis=-1)) / error
 
 
-def test_surfaces_that_come_and_go_are_those_of_each_hour(tmp_path):
+def case_by_the_hour(tmp_path):
+    """Window with a shelf, and a tree, of which both have two states, at six time stamps."""
     hours = [f"2015-{day}T{hour}:30" for day in ("03-21", "06-21") for hour in ("09", "12", "15")]
     (tmp_path / "times.csv").write_text("\n".join(["time", *hours, ""]))
     one = case(
         tmp_path, f"[groups.south]\n{TREE}[accuracy]\nreplicates = 8\nsensor_sky_rays = 2048\n"
     )
-    one = one.with_tables(period=PeriodTable(timestamps=tmp_path / "times.csv"))
+    return one.with_tables(period=PeriodTable(timestamps=tmp_path / "times.csv"))
+
+
+def simulated(one, light, run):
+    """E (time, sensor, replicate) [lx] of the year of `STATES`, each state simulated by itself."""
+    E = np.empty((len(STATES), 4, 8))
+    for states in np.unique(STATES, axis=0):
+        label = prepared(one).groups.states.label(states)
+        C = simulation.transport(one, label, light.suns, 40.0, run=run)
+        L = luminances_of(light, C["bin"].values).toarray()
+        mine = np.flatnonzero((states == STATES).all(axis=1))
+        E[mine] = np.einsum("rsb,tb->tsr", C["replicates"].values, L[mine])
+    return E
+
+
+def test_surfaces_that_come_and_go_are_those_of_each_hour(tmp_path):
+    one = case_by_the_hour(tmp_path)
     light = daylight(one)
     run = Run.of(one, plan(one, light).scope)
     ((_, year),) = years_of_states(one, light, STATES, run)
-    summed, groups = year["illuminance"].transpose("time", "sensor", "replicate").values, []
+    summed = year["illuminance"].transpose("time", "sensor", "replicate").values
+    whole = simulated(one, light, run)
+    assert abs(deviations(summed, whole)).max() < 5
     for states in np.unique(STATES, axis=0):
-        groups.append(prepared(one).groups.states.label(states))
-        C = simulation.transport(one, groups[-1], light.suns, 40.0, run=run)
-        L = luminances_of(light, C["bin"].values).toarray()
-        mine = np.flatnonzero((states == STATES).all(axis=1))
-        whole = np.einsum("rsb,tb->tsr", C["replicates"].values, L[mine])
-        assert abs(deviations(summed[mine], whole)).max() < 5, groups[-1]
-        assert abs(deviations(*(E.sum(axis=(0, 1)) for E in (summed[mine], whole)))) < 4
-    assert groups == ["open", "open/winter", "dark/winter"]
+        mine = (states == STATES).all(axis=1)
+        both = (E[mine].sum(axis=(0, 1)) for E in (summed, whole))
+        assert abs(deviations(*both)) < 4, states
     dark, bare = summed[[1, 3]].mean(), summed[[2, 5]].mean()
     assert dark < 0.3 * bare  # the pane, and what follows from it
+
+
+def test_elements_know_the_light_of_every_set_of_surfaces(tmp_path, monkeypatch):
+    one = case_by_the_hour(tmp_path)
+    known = elements(one)
+    assert known.fills == {"south": ("clear", "dark"), "tree": ("open", "winter")}
+    whole = simulated(one, known.daylight, known.run)
+    (light,) = known.channels
+    assert [*light.known] == [(0, 0)]  # the others when they are asked for
+    E = known.in_states(STATES)
+    assert {*light.known} == {(0, 0), (0, 1), (1, 1)}
+    error = np.hypot(E["total_se"].values, whole.std(axis=-1, ddof=1) / np.sqrt(8))
+    assert (abs(E["total"].values - whole.mean(axis=-1)) / error).max() < 5
+    np.testing.assert_allclose(E["total"].mean(), whole.mean(), rtol=0.02)
+    time = {"time": known.daylight.sky["time"].values}
+    by_hour = {
+        name: xr.DataArray(np.array(known.fills[name], object)[STATES[:, g]], time, "time")
+        for g, name in enumerate(known.openings)
+    }
+    chosen = known.evaluate(by_hour).illuminance
+    np.testing.assert_allclose(chosen["total"], E["total"], rtol=1e-4)
+    bare = known.evaluate({"south": "clear", "tree": "winter"}).illuminance
+    np.testing.assert_allclose(bare["total"][[2, 5]], E["total"][[2, 5]], rtol=1e-4)
+    with pytest.raises(InputError, match=r"choice: tree: shares of fills .* name one fill"):
+        known.evaluate({"tree": {"open": 0.5, "winter": 0.5}})
+    monkeypatch.setattr("drcmitsuba.transport.elements.light_of_surfaces.MOST_SETS", 3)
+    with pytest.raises(InputError, match=r"case\.toml: groups: more than 3 sets of the surfaces"):
+        known.illuminance({"south": "dark"})
