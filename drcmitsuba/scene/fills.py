@@ -49,7 +49,7 @@ def openings_of(case: Case, fills: Fills = ()) -> PaneGroups:
         the model gives is to have further ones; and errors of `PaneGroups.of`.
     """
     own = _apart(case, prepared(case).groups)
-    if not len(own):
+    if not any(own.facings):
         remedy = "give a façade strips, or the model panes"
         raise InputError(case.source, "facade", "no pane to the outside", remedy)
     names = own.states.names
