@@ -79,7 +79,8 @@ def openings_of(case: Case, fills: Fills = ()) -> PaneGroups:
 def _apart(case: Case, own: PaneGroups) -> PaneGroups:
     """Groups of a case, with the panes of none in openings of their own."""
     # The one shade of a case without clear panes covers nothing.
-    named = [g for g, name in enumerate(own.states.names) if name != OTHERS]
+    names_of = enumerate(zip(own.states.names, own.facings, strict=True))
+    named = [g for g, (n, facings) in names_of if n in case.groups or (facings and n != OTHERS)]
     every, place = [], {old: new for new, old in enumerate(named)}
     rest = []
     for panes in like_panes(case):

@@ -308,6 +308,12 @@ def test_rooms_without_panes_are_refused(tmp_path):
         drcmitsuba.elements(tmp_path / "shut.toml")
 
 
+def test_a_shade_that_covers_nothing_is_no_opening(tmp_path):
+    case = case_of(tmp_path, (STRIPS, STRIPS.replace("glass", "opal")), more=OPAL)
+    assert case.shading is not None
+    assert openings_of(case).states.names == ("opal (south)",)
+
+
 def test_the_plan_says_what_a_sum_leaves_out(tmp_path):
     """Glass in two sides mirrors light from pane to pane, in all hours of a simulation."""
     case = case_of(
