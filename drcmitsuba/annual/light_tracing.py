@@ -113,6 +113,7 @@ class LightTracing:
         return {
             "case": case.name, "by_evaluation": int(self.by_evaluation),
             "settings": json.dumps(settings(case, light), ensure_ascii=False),
+            "notes": json.dumps(light.notes, ensure_ascii=False),
             "hours_left_out": float((~self._within.any(axis=0)).sum() * light.step_hours),
             **{name: light.sky.attrs[name] for name in ("latitude", "longitude")},
         }  # fmt: skip

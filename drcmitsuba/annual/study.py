@@ -31,6 +31,8 @@ from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
 from drcmitsuba.sky.daylight import Daylight, daylight
 
 ANNUAL, MONTHLY = ("sDA", "ASE", "shade_closed"), ("msDA", "MSE")
+SEPARATOR = " | "
+"""Text between two notes on a row."""
 CACHE = "cache"
 """Folder of the study's own cache."""
 _LAST_DAYLIGHT: dict[str, Daylight] = {}
@@ -45,7 +47,8 @@ class StudyTable:
     ----------
     frame : pd.DataFrame
         A line for each row: its keys; `sDA`, `ASE`, `shade_closed`, `msDA_1` … `MSE_12` [%] with
-        `…_low` and `…_high`, the ends of 95 % intervals; `error`, the reason why it has no metrics.
+        `…_low` and `…_high`, the ends of 95 % intervals; `notes` on them; `error`, the reason
+        why it has no metrics.
     keys : tuple of str
         Columns that are keys.
     """
@@ -224,9 +227,10 @@ def _light_key(case: Case) -> str:
 
 def _ordered(frame: pd.DataFrame, keys: tuple[str, ...]) -> pd.DataFrame:
     """Table with the keys first and the errors last, also where every row is wrong."""
-    frame = frame.reindex(columns=list(dict.fromkeys([*frame.columns, *ANNUAL, "error"])))
-    metrics = [name for name in frame.columns if name not in ("row", "error", *keys)]
-    return frame[["row", *keys, *metrics, "error"]]
+    texts = ["notes", "error"]
+    frame = frame.reindex(columns=list(dict.fromkeys([*frame.columns, *ANNUAL, *texts])))
+    metrics = [name for name in frame.columns if name not in ("row", *texts, *keys)]
+    return frame[["row", *keys, *metrics, *texts]]
 
 
 def _tell_stored(plan: Study, rows: list[Row], folder: Path, tell: Callable[[str], None]) -> None:
@@ -252,7 +256,7 @@ def _line(plan: Study, row: Row, folder: Path, blocks: BlockFolder) -> dict[str,
             storage.save_json(numbers, file)
     except (InputError, BackendError) as error:
         return {"error": str(error)}
-    return {**_flat(numbers), "error": ""}
+    return {**_flat(numbers), "notes": SEPARATOR.join(numbers["notes"]), "error": ""}
 
 
 def _numbers(case: Case, blocks: BlockFolder) -> dict[str, Any]:
@@ -261,8 +265,9 @@ def _numbers(case: Case, blocks: BlockFolder) -> dict[str, Any]:
 
 
 def _kept(metrics: Mapping[str, Any]) -> dict[str, Any]:
-    """Metrics that the table takes."""
-    return {name: metrics[name] for name in (*ANNUAL, *MONTHLY)}
+    """Metrics that the table takes, and the notes on them."""
+    numbers = {name: metrics[name] for name in (*ANNUAL, *MONTHLY)}
+    return numbers | {"notes": metrics["settings"]["notes"]}
 
 
 def _daylight(case: Case) -> Daylight:
@@ -300,6 +305,7 @@ def _stored(file: Path) -> Mapping[str, Any] | None:
     try:
         numbers = json.loads(file.read_text(encoding="utf-8"))
         _flat(numbers)
+        SEPARATOR.join(numbers["notes"])
     except (OSError, ValueError, TypeError, KeyError):
         return None
     return dict(numbers)

@@ -18,10 +18,11 @@ from drcmitsuba.runtime.errors import InputError, on_a_line
 from drcmitsuba.runtime.folder_lock import locked
 
 if TYPE_CHECKING:
+    from drcmitsuba.annual.result import Result
     from drcmitsuba.case.case import Case
     from drcmitsuba.design.change import Change
     from drcmitsuba.runtime.progress import Stage
-    from drcmitsuba.standards import Evidence, Refusal, Verdict, ViewOut
+    from drcmitsuba.standards import Refusal, Verdict, ViewOut
     from drcmitsuba.standards.verdict import Margin, Outcome
 
 CONDITION = "*"
@@ -74,19 +75,21 @@ def _judge(
     from drcmitsuba.runtime import storage
 
     changes: list[Change | Refusal] = []
-    drawn = list[Path]()
+    notes, drawn = list[str](), list[Path]()
     if Path(source).is_dir():
         evidence = standards.Evidence.of_folder(source)
         judged: list[Verdict | Refusal] = (
             [*standards.each(standard, evidence)] if standard else standards.verdicts(evidence)
         )
     else:
-        judged, changes = _of_case(load(source, weather), standard or [], output, change)
+        judged, changes, notes = _of_case(load(source, weather), standard or [], output, change)
     told: dict[str, Any] = {
         "source": str(source),
         "standards": [verdict.to_dict() for verdict in judged],
     }
     seen = _view(source, weather) if view else None
+    if notes:
+        told["notes"] = notes
     if seen is not None:
         told["view_out"] = seen.to_dict()
     if changes:
@@ -105,6 +108,7 @@ def _judge(
     if not as_json:
         for line in _lines(changes):
             print(line)
+        show_notes(notes)
     if seen is not None and not as_json:
         print("\n".join(seen.text()))
     if output is not None and not as_json:
@@ -115,11 +119,11 @@ def _judge(
 
 def _of_case(
     case: Case, named: list[str], output: Path | None, change: bool
-) -> tuple[list[Verdict | Refusal], list[Change | Refusal]]:
+) -> tuple[list[Verdict | Refusal], list[Change | Refusal], list[str]]:
     """Evaluate a case by the hours and points of standards, and judge it; all of them by default.
 
     Results of the user's own points go to `output`, those of a grid that was laid to a folder in
-    it.
+    it. The notes are those on the evaluations.
     """
     from drcmitsuba import standards
     from drcmitsuba.design.cheapest_change import cheapest_changes
@@ -135,10 +139,13 @@ def _of_case(
         for name, error in refused.items()
     }
     changes: list[Change | Refusal] = []
+    notes: list[str] = []
     for terms in every:
         with stages() as stage:
             folder = output / "laid_grid" if output is not None and terms.grid else output
-            verdicts = standards.on_terms(terms, _evaluated(terms.case, folder, stage))
+            result = _evaluated(terms.case, folder, stage)
+            notes += result.metrics["settings"]["notes"]
+            verdicts = standards.on_terms(terms, standards.Evidence.of_result(result))
             judged |= {verdict.standard: verdict for verdict in verdicts}
             if change:
                 sound = [verdict for verdict in verdicts if isinstance(verdict, standards.Verdict)]
@@ -146,18 +153,17 @@ def _of_case(
     for name in named:
         if isinstance(refusal := judged[name], standards.Refusal):
             raise refusal.reason
-    return [judged[name] for name in names], changes
+    return [judged[name] for name in names], changes, [*dict.fromkeys(notes)]
 
 
-def _evaluated(case: Case, folder: Path | None, stage: Stage) -> Evidence:
+def _evaluated(case: Case, folder: Path | None, stage: Stage) -> Result:
     """Evaluate a case, and write its results to a folder where one is named."""
     from drcmitsuba import evaluate
-    from drcmitsuba.standards import Evidence
 
     result = evaluate(case, stage)
     if folder is not None:
         result.save(folder, stage)
-    return Evidence.of_result(result)
+    return result
 
 
 def _view(case: str, weather: Path | None) -> ViewOut:

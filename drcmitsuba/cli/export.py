@@ -55,7 +55,7 @@ def _export_case(source: str, folder: Path, weather: Path | None, state: str) ->
     backend.select()
     with stages() as stage, stage("writing"):
         simulation = save_radiance(case, folder, state)
-    show_notes(simulation.remarks)
+    show_notes([*simulation.notes, *simulation.remarks])
     print(f"{folder / 'simulate.sh'} simulates the case by Radiance")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -33,7 +34,7 @@ def lights(
     point, the shares of all sensors are written for the report's plan.
     """
     import drcmitsuba
-    from drcmitsuba.report.lights import hours_left_out, of_period
+    from drcmitsuba.report.lights import of_period
     from drcmitsuba.runtime.storage import save_netcdf
 
     points = [lengths(text, (2, 3), "--point", "x,y or x,y,z") for text in point or ()]
@@ -45,7 +46,7 @@ def lights(
             save_netcdf(every, output / "light_of_sensors.nc")
         light = of_period(every).sum("sensor")
         show(_table("all sensors", 100 * light / light.sum()))
-        show_notes(_notes(hours_left_out(every)))
+        show_notes(_notes(every))
         print(f"results are in {output}")
         return
     with stages() as stage:
@@ -57,13 +58,16 @@ def lights(
         mine = shares.sel(sensor=sensor)
         x, y = float(mine["x"]), float(mine["y"])
         show(_table(f"sensor {sensor} at ({x:.2f}, {y:.2f}) m", mine))
-    show_notes(_notes(hours_left_out(found.dataset)))
+    show_notes(_notes(found.dataset))
     print(f"results are in {output}")
 
 
-def _notes(hours: float) -> list[str]:
-    """Note on hours that are left out."""
-    return [f"{hours:g} h with further states of the façade are left out"] if hours else []
+def _notes(light: xr.Dataset) -> list[str]:
+    """Notes on the weather and the place, and on hours that are left out."""
+    from drcmitsuba.report.lights import hours_left_out
+
+    notes, hours = json.loads(light.attrs["notes"]), hours_left_out(light)
+    return [*notes, *[f"{hours:g} h with further states of the façade are left out"] * (hours > 0)]
 
 
 def _table(title: str, shares: xr.DataArray) -> Table:

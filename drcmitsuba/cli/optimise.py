@@ -44,7 +44,7 @@ def optimise(
 
     with stages() as stage:
         notes = (_tilt if is_tilt else _facade)(loaded, output, stage)
-    show_notes([*notes, *without_rounds(loaded.accuracy.goal)])
+    show_notes(dict.fromkeys([*notes, *without_rounds(loaded.accuracy.goal)]))
     print(f"results are in {output}")
 
 
@@ -102,7 +102,7 @@ def _facade(case: Case, output: Path, stage: Stage) -> Sequence[str]:
         )
     if front is not None:
         print(f"{len(front.points)} façades on the Pareto front (pareto.csv)")
-    return layout.notes
+    return [*layout.notes, *_notes(fresh)]
 
 
 def _tilt(case: Case, output: Path, stage: Stage) -> Sequence[str]:
@@ -129,7 +129,12 @@ def _tilt(case: Case, output: Path, stage: Stage) -> Sequence[str]:
     if indistinct := problem.indistinct(tilt):
         print(f"{len(indistinct)} other tilts may be as good: their intervals overlap")
     print(f"{len(problem.simulated)} tilts simulated in {optimum.seconds:.1f} s")
-    return ()
+    return _notes(fresh)
+
+
+def _notes(fresh: Result | None) -> list[str]:
+    """Notes on an optimum that was simulated afresh."""
+    return [] if fresh is None else list(fresh.metrics["settings"]["notes"])
 
 
 def _save_numbers(optimum: Optimum, output: Path) -> None:

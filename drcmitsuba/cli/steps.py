@@ -30,6 +30,7 @@ def sky(case: CaseName, output: Output = Path("results"), weather: Weather = Non
     with stages() as stage, stage("sky"):
         sources = daylight(loaded)
         save_luminances(sources, output / "sky.zarr")
+    show_notes(sources.notes)
     print(f"{sources.sky.sizes['time']} time stamps are in {output / 'sky.zarr'}")
 
 
@@ -53,6 +54,7 @@ def coefficients(case: CaseName, output: Output = Path("results"), weather: Weat
         C = simulation.coefficients(loaded, sources, replace(run, stage=stage))
         with stage("writing"):
             storage.save_zarr(C.parts(), output / "coefficients.zarr", along="state")
+    show_notes(sources.notes)
     path, sizes = output / "coefficients.zarr", C.open.sizes
     print(f"{sizes['sensor']} sensors × {sizes['bin']} bins are in {path}")
 

@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from drcmitsuba.cli.options import Output, Scheduler, WorkerCount, argument, option
-from drcmitsuba.cli.terminal import show, show_progress, stages
+from drcmitsuba.cli.terminal import show, show_notes, show_progress, stages
 from drcmitsuba.runtime.errors import on_a_line
 
 MOST_ROWS = 20
@@ -29,6 +29,7 @@ def study(
     """Evaluate many variations of a case: a table of their metrics."""
     from pandas import isna
 
+    from drcmitsuba.annual.study import SEPARATOR
     from drcmitsuba.annual.study import study as evaluate_rows
     from drcmitsuba.annual.workers import opened
     from drcmitsuba.case.study import load_study
@@ -45,6 +46,8 @@ def study(
     if len(frame) > MOST_ROWS:
         table.caption = f"{len(frame) - MOST_ROWS} more rows: table.csv"
     show(table)
+    notes = frame["notes"].dropna().str.split(SEPARATOR, regex=False).explode()
+    show_notes(notes[notes != ""].unique())
     wrong = frame[frame["error"] != ""]
     for _, row in wrong.head(MOST_ROWS).iterrows():
         print(f"row {row['row']}: {on_a_line(row['error'])}")

@@ -39,7 +39,7 @@ def zone_illuminance(
     Raises
     ------
     InputError
-        Values that are not finite, or a zone without sensors.
+        Values that are not finite, or a zone without sensors, or with others than there are.
 
     Examples
     --------
@@ -53,9 +53,16 @@ def zone_illuminance(
     E = thresholds.checked(illuminance, "illuminance")
     every = sensors_by_grid(illuminance) or {"all": np.arange(E.shape[1])}
     of_zone = dict(every if zones is None else zones)
-    if not of_zone or any(np.size(sensors) == 0 for sensors in of_zone.values()):
+    parts = []
+    for name, sensors in of_zone.items():
+        try:
+            parts.append(E[:, np.atleast_1d(sensors)])
+        except IndexError:
+            remedy = f"give indices from 0 to {E.shape[1] - 1}, or a mask of all sensors"
+            raise InputError("zones", "sensors", f"no such sensors, {name!r}", remedy) from None
+    if not parts or not all(some.size for some in parts):
         raise InputError("zones", "sensors", "a zone without sensors", "give each at least one")
-    values = [E[:, sensors].mean(axis=1, dtype=float) for sensors in of_zone.values()]
+    values = [some.mean(axis=1, dtype=float) for some in parts]
     names = np.array([*of_zone], dtype=object)
     coords = {k: c for k, c in illuminance.coords.items() if c.dims == ("time",)}
     return xr.DataArray(
@@ -163,8 +170,8 @@ def stepped_dimming(
     >>> controls.stepped_dimming(daylight, set_point=500.0, steps=2).values.ravel()
     array([1. , 0.5, 0. ])
     """
-    if not 1 <= steps <= 100:
-        raise InputError("dimming", "steps", f"{steps}", "give a number from 1 to 100")
+    if not isinstance(steps, int | np.integer) or not 1 <= steps <= 100:
+        raise InputError("dimming", "steps", f"{steps}", "give a whole number from 1 to 100")
     f = _wanted(daylight, set_point)
     # Rounding: E of 250 lx is half of 500 lx, whatever the twelfth digit says.
     return _power(daylight, np.ceil(np.round(f * steps, 9)) / steps)

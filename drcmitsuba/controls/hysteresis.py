@@ -183,8 +183,8 @@ def facade_irradiance(
 
 def normals(azimuths: Sequence[float], groups: GroupStates) -> np.ndarray:
     """Horizontal normals of façades, (group, 3): x east, y north; azimuths [deg]."""
-    if len(azimuths) != len(groups) or not np.isfinite(azimuths).all():
-        got = f"{len(azimuths)} for {len(groups)} groups ({', '.join(groups.names)})"
+    if np.shape(azimuths) != (len(groups),) or not np.isfinite(azimuths).all():
+        got = f"{np.size(azimuths)} for {len(groups)} groups ({', '.join(groups.names)})"
         raise InputError("control", "azimuths", got, "give degrees from north for each group")
     a = np.radians(np.asarray(azimuths, float))
     return np.stack([np.sin(a), np.cos(a), np.zeros(len(a))], axis=1)

@@ -81,7 +81,8 @@ def scheduled(
     time : xr.DataArray (time,)
     groups : GroupStates
     of_group : mapping of str to np.ndarray of int, shape (8760,)
-        Index of the state of a group in every hour of the year; other groups stay open.
+        Index of the state of a group in every hour of the year, in the order of their time stamps
+        where an array has them; other groups stay open.
 
     Raises
     ------
@@ -110,5 +111,14 @@ def scheduled(
         if np.shape(states) != (HOURS,):
             got = f"{np.shape(states)} for group {name!r}"
             raise InputError("schedule", "hours", got, f"give {HOURS} states")
-        numbers[groups.names.index(name)] = np.asarray(states)
+        g = groups.names.index(name)
+        if isinstance(states, xr.DataArray):
+            states = states.sortby([*states.indexes]).values
+        numbers[g] = np.asarray(states)
+        if numbers[g].dtype.kind not in "iub":
+            got = f"the type {numbers[g].dtype} for group {name!r}"
+            raise InputError("schedule", "states", got, "give the index of each state, 0 for open")
+        if (beyond := numbers[g][(numbers[g] < 0) | (numbers[g] > groups.last[g])]).size:
+            got = f"{beyond[0]} for group {name!r}"
+            raise InputError("schedule", "states", got, f"give an index from 0 to {groups.last[g]}")
     return states_of(Schedule(numbers, len(groups)).indices(time), time, groups, "schedule")

@@ -69,6 +69,8 @@ def save_schedule(states: xr.DataArray, groups: GroupStates, path: str | Path) -
     if not chosen:
         got = "no group with several states"
         raise InputError("schedule", "groups", got, "give panes a further state in [groups]")
+    if Path(path).is_dir():
+        raise InputError(path, "schedule", "it is a folder", "name a file: states.csv")
     time = states["time"].values
     hour = (time - time.astype("datetime64[Y]")).astype("timedelta64[h]").astype(int)
     leap = states["time"].dt.is_leap_year.values & (states["time"].dt.dayofyear.values > 59)

@@ -123,7 +123,8 @@ def cut_off(
     ('time', 'group')
     """
     n = normals(azimuths, groups)
-    counts = [len(of_group) for of_group in tilts]
+    of_groups = [np.atleast_1d(of_group) for of_group in tilts]
+    counts = [len(of_group) for of_group in of_groups]
     if counts != list(groups.last):
         got = f"{counts} tilts"
         raise InputError("slats", "tilts", got, f"give {list(groups.last)}: one for each state")
@@ -131,7 +132,7 @@ def cut_off(
     sun, dni = (in_order(weather[name], hours, "weather") for name in names)
     shines = dni > 0
     out = np.zeros((time.sizes["time"], len(groups)), int)
-    for g, of_group in enumerate(tilts):
+    for g, of_group in enumerate(of_groups):
         if not counts[g]:
             continue
         wanted = cut_off_angle(profile_angle(sun, n[g]), spacing, width)

@@ -75,6 +75,7 @@ def save_radiance(case: Case, folder: Path, state: State = OPEN) -> Simulation:
         subdivision=case.sky.subdivision,
         has_films=bool(scene.films),
         remarks=(*scene.differences, *_remarks(case)),
+        notes=light.notes,
     )
     vectors = np.concatenate([points, normals], axis=1)
     times = np.datetime_as_string(light.sky["time"].values, unit="m")

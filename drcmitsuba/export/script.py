@@ -35,6 +35,8 @@ class Simulation:
     """Whether there are panes with a measured BSDF."""
     remarks: Sequence[str] = ()
     """Differences to the simulation of the case by this program, a sentence each."""
+    notes: Sequence[str] = ()
+    """Notes on the weather and the place."""
 
 
 HEAD = """\

@@ -94,6 +94,9 @@ def _attempt(path: Path, read: Callable[[], xr.Dataset]) -> xr.Dataset:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             return read()
+    except MemoryError as error:
+        got = f"larger than memory: {error}"[:200]
+        raise InputError(path, "results", got, "take fewer sensors or time stamps") from None
     except Exception as error:
         got = f"{type(error).__name__}: {error}"[:200]
     finally:
@@ -172,6 +175,17 @@ def loaded(path: Path, data: xr.Dataset) -> xr.Dataset:
 def coefficients_and_sky(c: Path, l: Path) -> tuple[Coefficients, xr.Dataset]:  # noqa: E741
     """Read C of all states from `coefficients.zarr` and the sky of L from `sky.zarr`."""
     C = open_dataset(c, "replicates", "straight", "straight_se", "state", "bin", *"xyz")
-    L = open_dataset(l, "L", "bin", "sun", "sun_bin", "clock")
-    L = loaded(l, L.isel(channel=0) if "channel" in L.dims else L)
-    return Coefficients.of(loaded(c, C)), from_luminances(L)
+    return Coefficients.of(loaded(c, C)), sky(l)
+
+
+def sky(path: Path) -> xr.Dataset:
+    """Read the sky of L from `sky.zarr`, see `sky.luminances.from_luminances`.
+
+    The columns of the suns stay on disk, where they come last: `sun` has their luminance.
+    """
+    L = open_dataset(path, "L", "bin", "sun", "sun_bin", "clock")
+    L = L.isel(channel=0) if "channel" in L.dims else L
+    suns = np.array([str(label).startswith("sun_") for label in L["bin"].values])
+    if not suns[: np.count_nonzero(~suns)].any():
+        L = L.isel(bin=slice(np.count_nonzero(~suns)))
+    return from_luminances(loaded(path, L))

@@ -124,7 +124,7 @@ def weather_of(case: Case) -> weather.Weather:
         return replace(default, notes=(note, *default.notes))
     site = weather.Site(**case.site.model_dump())
     empty = xr.Dataset(coords={"time": whole_year(1.0)}, attrs={"sun_time": "middle"})
-    return weather.Weather(f"{site.name}, no weather file", site, 1.0, empty, ())
+    return weather.Weather(f"{site.name}, no weather file", site, 1.0, empty, site.notes)
 
 
 class _Stamps(NamedTuple):

@@ -20,6 +20,7 @@ import numpy as np
 import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
+from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import sun as sun_module
 from drcmitsuba.sky.quadrature import (
     PATCH_MEANS,
@@ -139,6 +140,8 @@ class Perez:
 
     def luminances(self, data: xr.Dataset, sun: xr.Dataset, patches: Patches) -> SkyLight:
         """Sky and direct light of each time, as `SkyModel` says."""
+        if missing := [name for name in ("dni", "dhi") if name not in data]:
+            raise InputError("weather", missing[0], "no such irradiance", "give dni and dhi [W/m²]")
         dni, dhi = (data[name].to_numpy().astype(float) for name in ("dni", "dhi"))
         zenith = sun["solar_zenith"].to_numpy()
         dew_point = data["dew_point"].to_numpy() if "dew_point" in data else np.nan

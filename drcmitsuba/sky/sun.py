@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from drcmitsuba.runtime import lazy
@@ -51,7 +52,8 @@ def sun_position(time: np.ndarray, step: float, site: Site, sun_time: str = "mid
     Raises
     ------
     InputError
-        For a step that is not positive, a time that is not a date, or an unknown `sun_time`.
+        For a step that is not positive, a time that is not a date or that has a time zone, or an
+        unknown `sun_time`.
 
     Notes
     -----
@@ -75,8 +77,11 @@ def sun_position(time: np.ndarray, step: float, site: Site, sun_time: str = "mid
     >>> round(float(sun["solar_zenith"][0]), 1)
     12.8
     """
-    time = np.asarray(time, dtype="datetime64[ns]")
-    if not step > 0:
+    if isinstance(getattr(time, "dtype", None), pd.DatetimeTZDtype):
+        got, remedy = f"stamps of the type {time.dtype}", "give local standard time without a zone"
+        raise InputError("sun position", "time", got, remedy)
+    time = np.atleast_1d(np.asarray(time, dtype="datetime64[ns]"))
+    if not 0 < step < np.inf:
         raise InputError("sun position", "step", f"{step} h", "give a length above 0 h")
     if np.isnat(time).any():
         raise InputError("sun position", "time", "a missing time stamp", "give a date everywhere")

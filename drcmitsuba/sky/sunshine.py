@@ -73,6 +73,8 @@ class Sunshine:
         if len(self.probability) != 12:
             got = f"{len(self.probability)} values"
             raise InputError("sunshine sky", "probability", got, "give 12, January first")
+        if self.seed < 0:
+            raise InputError("sunshine sky", "seed", f"{self.seed}", "give a number from 0")
         shares = {"probability": self.probability, "intermediate": (self.intermediate,)}
         for name, values in shares.items():
             wrong = [p for p in values if not 0 <= p <= 1]

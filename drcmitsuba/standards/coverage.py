@@ -18,6 +18,12 @@ FIRST, LAST = 8, 18
 """Clock hours of LM-83, [first, last)."""
 WORKING, YEAR = 3650.0, 8760.0
 """Hours of a year from 8 to 18 h, and of a whole year [h]."""
+BY_DAY = 'evaluate with calendar = "LM-83" in [period], all months, by weather of these hours'
+BY_YEAR = (
+    'evaluate a whole year, calendar = "LM-83" and hours = [0, 24] in [period], by weather of all '
+    "hours"
+)
+"""What to do where hours lack."""
 MARGIN = 1.001
 """Factor by which a spacing may exceed its limit: coordinates are rounded."""
 UP = 0.999
@@ -60,13 +66,11 @@ def hours_of(
         kept = np.flatnonzero((hour >= FIRST) & (hour < LAST))
         if abs(len(kept) * step_hours - WORKING) > 1e-6 * WORKING:
             got = f"{len(kept) * step_hours:g} of {WORKING:g} h from 8 to 18 h"
-            remedy = 'evaluate with calendar = "LM-83" in [period], all months'
-            raise InputError(source, "period", got, remedy)
+            raise InputError(source, "period", got, BY_DAY)
         return kept
     if abs(stamps * step_hours - YEAR) > 1e-6 * YEAR:
         got = f"{stamps * step_hours:g} of {YEAR:g} h"
-        remedy = 'evaluate a whole year: calendar = "LM-83" and hours = [0, 24] in [period]'
-        raise InputError(source, "period", got, remedy)
+        raise InputError(source, "period", got, BY_YEAR)
     if standard.hours == "year":
         return np.arange(stamps)
     E = diffuse_horizontal(_known(sky, source))
@@ -115,8 +119,7 @@ def clearest_hours(sky: xr.Dataset, step_hours: float, source: object) -> np.nda
                 got = (
                     f"{len(here)} of {2 * NEAR + 1} days near {date} {_month(month)} at {moment} h"
                 )
-                remedy = 'evaluate with calendar = "LM-83" in [period], all months'
-                raise InputError(source, "period", got, remedy)
+                raise InputError(source, "period", got, BY_DAY)
             out[i, k] = here[np.argmax(sky["sun"].values[here])]
     return out
 

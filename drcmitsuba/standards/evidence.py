@@ -21,11 +21,11 @@ from drcmitsuba.metrics.intervals import Closures, Rules
 from drcmitsuba.metrics.intervals.sun import SunDraws, draw_sun
 from drcmitsuba.metrics.intervals.year_draws import closures_of
 from drcmitsuba.metrics.stored_arrays import loaded, open_dataset
+from drcmitsuba.metrics.stored_arrays import sky as stored_sky
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.provenance import METHOD
 from drcmitsuba.schema import by_luminance
 from drcmitsuba.sky.daylight import Daylight
-from drcmitsuba.sky.luminances import from_luminances
 
 OF_E = ("total", "total_open", "direct_sun")
 """Illuminances that standards ask for; each has its standard error."""
@@ -230,16 +230,11 @@ def _sky(path: Path, E: xr.Dataset) -> xr.Dataset | None:
     """Sky of the same hours as E; None where there is none."""
     if not path.exists():
         return None
-    L = open_dataset(path, "L", "bin", "sun", "sun_bin", "clock")
-    L = L.isel(channel=0) if "channel" in L.dims else L
-    suns = np.array([str(label).startswith("sun_") for label in L["bin"].values])
-    if not suns[: np.count_nonzero(~suns)].any():  # suns come last; `sun` has their luminance
-        L = L.isel(bin=slice(np.count_nonzero(~suns)))
-    L = loaded(path, L)
-    if L.sizes["time"] != E.sizes["time"] or (L["time"].values != E["time"].values).any():
+    sky = stored_sky(path)
+    if sky.sizes["time"] != E.sizes["time"] or (sky["time"].values != E["time"].values).any():
         got = "other time stamps than those of illuminance.nc"
         raise InputError(path, "time", got, "evaluate the case again")
-    return from_luminances(L)
+    return sky
 
 
 def _year(path: Path, sky: xr.Dataset) -> xr.Dataset | None:

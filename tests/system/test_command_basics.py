@@ -10,6 +10,7 @@ import pytest
 import drcmitsuba
 from tests import skips
 from tests.system.conftest import imports_mitsuba, is_ready
+from tests.system.small_room import SITE
 from tests.system.test_cli import CASE
 
 COMMAND = [sys.executable, "-W", "error", "-m", "drcmitsuba"]
@@ -61,6 +62,29 @@ def test_a_new_case_is_written_once_and_evaluates(run, refused, tmp_path, monkey
     code, out, err = run("evaluate", "case.toml")
     assert (code, err) == (0, "")
     assert "my room" in out
+
+
+@pytest.mark.parametrize(
+    ("verb", "more"),
+    [
+        ("sky", []),
+        ("coefficients", []),
+        ("lights", ["--point", "2,2"]),
+        ("comply", ["--standard", "lm-83-12"]),
+        ("study", []),
+        ("export", ["--radiance", "radiance"]),
+    ],
+)
+def test_every_verb_says_whose_weather_it_takes(run, tmp_path, monkeypatch, verb, more):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "case.toml").write_text(CASE + SITE)
+    (tmp_path / "study.toml").write_text('case = "case.toml"\n[columns]\n"name" = ["a", "b"]\n')
+    source = "study.toml" if verb == "study" else "case.toml"
+    code, out, err = run(verb, source, *more)
+    assert (code, err) == (0, "")
+    notes = [line for line in out.splitlines() if line.startswith("note: no weather file")]
+    assert len(notes) == 1
+    assert "not [site]" in notes[0]
 
 
 @pytest.mark.parametrize("verb", ["evaluate", "sky", "plan"])

@@ -140,7 +140,7 @@ def tradeoff(
             raise InputError(case.source, "period, time stamps", got, "take some with daylight")
         yardstick = Yardstick(reference, case.metrics, len(times) / len(year), light.step_hours)
         rows = tuple(Row(setting.name, setting.varied) for setting in settings)
-        so_far = Tradeoff(case.name, rows, yardstick, len(year))
+        so_far = Tradeoff(case.name, rows, yardstick, len(year), light.notes)
         seen(so_far)
         with stage("settings") as progress:
             for i, setting in enumerate(settings):

@@ -42,6 +42,17 @@ class Site:
     elevation: float
     """Metres above sea level."""
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Note where longitude and time zone do not belong together."""
+        # A longitude of the wrong sign is the classic mistake; no real clock is 4 h off its sun.
+        if abs((self.timezone - self.longitude / 15 + 12) % 24 - 12) <= 4:
+            return ()
+        return (
+            f"longitude {self.longitude:g}° east and time zone {self.timezone:+g} h do not fit: "
+            "check their signs",
+        )
+
 
 @dataclass(frozen=True)
 class Weather:
@@ -120,12 +131,7 @@ def weather_of(
         columns["dew_point"] = dew_point
         gaps = np.count_nonzero(np.isnan(columns["dew_point"]))
         notes += [f"no dew point in {gaps} of {len(time)} rows"] if gaps else []
-    # A longitude of the wrong sign is the classic mistake; no real clock is 4 hours off its sun.
-    if abs((site.timezone - site.longitude / 15 + 12) % 24 - 12) > 4:
-        notes.append(
-            f"longitude {site.longitude:g}° east and time zone {site.timezone:+g} h do not fit: "
-            "check their signs"
-        )
+    notes += site.notes
     if not (columns["dni"].any() or columns["dhi"].any()):
         notes.append("no irradiance in any row")
     data = xr.Dataset(

@@ -256,6 +256,12 @@ def test_a_schedule_gives_the_state_of_the_hour():
         scheduled(groups=TWO, of_group={"south": of_year[:-1]})
     with pytest.raises(InputError, match="2 for group 'east'"):
         scheduled(groups=TWO, of_group={"east": of_year})
+    with pytest.raises(InputError, match="65536 for group 'east'"):
+        scheduled(groups=TWO, of_group={"east": of_year + 65536})
+    with pytest.raises(InputError, match="the type float64 for group 'south'"):
+        scheduled(groups=TWO, of_group={"south": of_year / 2})
+    labelled = xr.DataArray(of_year, {"time": hours(8760, "2015-01-01T00").values}, ("time",))
+    assert scheduled(groups=TWO, of_group={"south": labelled[::-1]}).equals(states)
 
 
 def test_winter_takes_the_blind_out():

@@ -48,6 +48,11 @@ def test_zones_are_the_grids_or_those_that_are_named():
     assert named.values.tolist() == [[150]]
     with pytest.raises(InputError, match="zone without sensors"):
         controls.zone_illuminance(E, {"none": np.array([], int)})
+    with pytest.raises(InputError, match="zone without sensors"):
+        controls.zone_illuminance(E, {"none": np.zeros(3, bool)})
+    for unfit in (np.array([3]), np.ones(2, bool)):
+        with pytest.raises(InputError, match="no such sensors, 'far'; give indices from 0 to 2"):
+            controls.zone_illuminance(E, {"far": unfit})
 
 
 def test_energy_of_three_hours():
@@ -107,6 +112,7 @@ def test_a_year_of_zones_equals_an_hour_by_hour_sum(kind):
         (lambda: controls.continuous_dimming(daylight(np.nan)), "NaN"),
         (lambda: controls.continuous_dimming(daylight(1), least_power=1.0), "least_power"),
         (lambda: controls.stepped_dimming(daylight(1), steps=0), "1 to 100"),
+        (lambda: controls.stepped_dimming(daylight(1), steps=2.5), "whole number from 1 to 100"),
         (lambda: controls.lighting_energy(daylight(1), 8, {}), "none for zone 'desk'"),
         (lambda: controls.lighting_energy(daylight(1.1), 8, {"desk": 1}), "not from 0 to 1"),
         (lambda: controls.lighting_energy(daylight(1), 8, {"desk": -1}), "areas above 0"),

@@ -55,6 +55,9 @@ def test_states_of_other_groups_are_refused(tmp_path):
     single = GroupStates(("a", "b"), (("open",), ("open",)))
     with pytest.raises(InputError, match="no group with several states"):
         controls.save_schedule(states, single, tmp_path / "states.csv")
+    of_all = xr.DataArray(np.zeros((1, 3), int), states.coords, states.dims)
+    with pytest.raises(InputError, match="it is a folder"):
+        controls.save_schedule(of_all, GROUPS, tmp_path)
     assert not (tmp_path / "states.csv").exists()
 
 

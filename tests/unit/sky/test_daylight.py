@@ -70,6 +70,15 @@ def test_a_place_that_is_not_the_weathers_is_remarked_upon(latitude, longitude, 
     assert all("Site A" in note and "Denver" in note for note in notes)
 
 
+def test_a_zone_that_does_not_fit_the_place_is_remarked_upon():
+    sensors, site = {"corner": (0, 0, 1), "count": (2, 2)}, {"latitude": 36, "timezone": -5}
+    for longitude, count in ((-80, 0), (80, 1)):
+        tables = {"sensors": sensors, "site": {**site, "longitude": longitude}}
+        case = Case.model_validate(tables | {"sky": {"model": "cie", "type": "overcast"}})
+        notes = [note for note in daylight(case).notes if "check their signs" in note]
+        assert len(notes) == count
+
+
 def test_places_across_the_date_line_are_near():
     case = Case.model_validate({"sensors": {"corner": (0, 0, 1), "count": (2, 2)}})
     case._building = Model(location=Location(-17.0, 179.8))

@@ -355,6 +355,8 @@ def test_wrong_input_is_refused():
     data = weather(sun, [1.0, np.nan], 1.0)
     with pytest.raises(InputError, match=r"dni: nan W/m2 at 2015-06-01T11:00"):
         radiance(data, sun, model=Perez())
+    with pytest.raises(InputError, match="dni: no such irradiance"):
+        radiance(data.drop_vars("dni"), sun, model=Perez())
     with pytest.raises(InputError, match="dhi: -1"):
         radiance(weather(sun, 1.0, -1.0), sun, model=Perez())
     with pytest.raises(InputError, match="times"):

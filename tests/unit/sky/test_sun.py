@@ -4,6 +4,7 @@ import re
 import subprocess
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from drcmitsuba.runtime.errors import InputError
@@ -179,5 +180,9 @@ def test_wrong_input_is_refused():
         sun_position(YEAR[:2], 0.0, GENEVA)
     with pytest.raises(InputError, match="sun_time"):
         sun_position(YEAR[:2], 1.0, GENEVA, "end")
+    with pytest.raises(InputError, match="step: inf"):
+        sun_position(YEAR[:2], np.inf, GENEVA)
+    with pytest.raises(InputError, match="give local standard time without a zone"):
+        sun_position(pd.DatetimeIndex(YEAR[:2], tz="US/Eastern"), 1.0, GENEVA)
     with pytest.raises(InputError, match="missing time stamp"):
         sun_position(np.array(["NaT"], dtype="datetime64[ns]"), 1.0, GENEVA)

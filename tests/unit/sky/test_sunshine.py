@@ -80,6 +80,7 @@ def test_each_time_is_the_cie_sky_that_was_drawn():
         (((0.5,) * 11 + (1.2,),), "1.2"),
         (((0.5,) * 11 + (float("nan"),),), "nan"),
         (((0.5,) * 12, -0.1), "intermediate"),
+        (((0.5,) * 12, 0.5, -1), "seed: -1"),
     ],
 )
 def test_wrong_input_is_refused(arguments, match):
