@@ -118,10 +118,11 @@ class BsdfFile:
         red, green, blue = (float(channel == c) for c in range(3))
         return self.mixed((red, green, blue))
 
-    def mixed(self, mix: tuple[float, float, float]) -> BsdfFile:
+    def mixed(self, mix: tuple[float, ...]) -> BsdfFile:
         """Weighted sum of red, green and blue in place of the luminance; see `colour.mixed`.
 
-        Components without chromaticity are multiplied by the sum of the weights.
+        Components without chromaticity are multiplied by the sum of the weights; one weight
+        multiplies the luminance of all.
         """
         changed = {
             name: colour.mixed(component, self.colour.get(name, {}), mix)

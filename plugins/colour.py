@@ -26,7 +26,7 @@ _RGB = (
 def mixed(
     luminance: TensorTree | KlemsMatrix,
     chromaticity: dict[str, TensorTree | KlemsMatrix],
-    mix: tuple[float, float, float],
+    mix: tuple[float, ...],
 ) -> TensorTree | KlemsMatrix:
     """Sum of the channels red, green and blue of a component, each times a weight.
 
@@ -36,21 +36,20 @@ def mixed(
     chromaticity : dict
         CIE 1976 u′ and v′ as 'u', 'v' (trees), or the values X and Z (Klems); a missing one counts
         as neutral.
-    mix : tuple of 3 floats
-        Weights; a sum below 0 counts as 0.
+    mix : tuple of 3 floats, or of one
+        Weights; a sum below 0 counts as 0. One weight multiplies the luminance alone.
 
     Returns
     -------
     TensorTree or KlemsMatrix
         f [1/sr] relative to the light's white: a neutral material has the same in all channels.
     """
+    known = {"X", "Z"} if isinstance(luminance, KlemsMatrix) else {"u", "v"}
+    if len(mix) == 1 or not known <= chromaticity.keys():
+        return replace(luminance, value=sum(mix) * luminance.value)
     if isinstance(luminance, KlemsMatrix):
-        if not {"X", "Z"} <= chromaticity.keys():
-            return replace(luminance, value=sum(mix) * luminance.value)
         xyz = [chromaticity["X"].value, luminance.value, chromaticity["Z"].value]
         return replace(luminance, value=_mixed(mix, xyz))
-    if not {"u", "v"} <= chromaticity.keys():
-        return replace(luminance, value=sum(mix) * luminance.value)
     y, u, v = refined([luminance, chromaticity["u"], chromaticity["v"]])
     v_safe = np.maximum(v.value, 1e-6)
     x_value = y.value * 9 * u.value / (4 * v_safe)
@@ -58,7 +57,7 @@ def mixed(
     return replace(y, value=_mixed(mix, [x_value, y.value, z_value]))
 
 
-def _mixed(mix: tuple[float, float, float], xyz: list[np.ndarray]) -> np.ndarray:
+def _mixed(mix: tuple[float, ...], xyz: list[np.ndarray]) -> np.ndarray:
     """Weighted sum of the linear channels of X, Y, Z, which are clipped to their gamut."""
     channels = (sum(w * part for w, part in zip(row, xyz, strict=True)) for row in _RGB)
     return np.maximum(sum(w * np.maximum(c, 0) for w, c in zip(mix, channels, strict=True)), 0)

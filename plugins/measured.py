@@ -42,7 +42,8 @@ class Measured(mi.BSDF):
     `channel`             int      −1 (default): luminance; 0, 1, 2: red, green, blue of a file
                                    with chromaticity
     `mix`                 vector   weights of red, green and blue, whose sum takes the place of
-                                   the luminance, in a band of the spectrum for instance
+                                   the luminance, in a band of the spectrum for instance; or a
+                                   number, a factor of the luminance
     ====================  =======  ================================================================
 
     The shading normal points into the room. `leaves` [1/sr] and `through` are exposed through

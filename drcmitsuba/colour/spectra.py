@@ -24,6 +24,8 @@ MOST = 10_000
 """Largest number of wavelengths."""
 ROUNDED = 0.002
 """Largest sum of rounded shares above 1 that a pane may send on [–]."""
+HELD = 1e6
+"""Weight of equations that hold beside slopes that are small [1/nm]."""
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 
@@ -132,19 +134,27 @@ def _sigmoid(rgb: tuple[float, ...]) -> np.ndarray:
 
 
 def smooth_mixes(bands: Bands) -> np.ndarray:
-    """Weights of linear red, green and blue in each band, shape (band, 3).
+    """Weights of linear red, green and blue in each band, shape (band, 3), none below 0.
 
-    The sum of the weighted channels is the flattest spectrum (least squares of its slopes) that has
-    the colour under D65; below 0 it counts as 0. A neutral colour is the same in all bands.
+    They are the flattest spectra of the three (least squares of their slopes) that have their
+    colours under D65 and add up to 1 in every band. So the sum of weighted channels from 0 to 1
+    lies between them: it has the colour, and no band has more than all light, as by the primaries
+    of Mallett and Yuksel (2019).
     """
+    from scipy.optimize import nnls
+
     wavelengths, count = np.array(bands.wavelengths), len(bands)
     steps = np.diff(np.eye(count), axis=0) / np.sqrt(np.diff(wavelengths))[:, None]
     seen = np.array([bands.weights(name) for name in TRISTIMULUS])
-    system = np.block([[steps.T @ steps, seen.T], [seen, np.zeros((3, 3))]])
     matrix = colour.RGB_COLOURSPACES["sRGB"].matrix_RGB_to_XYZ
     white = matrix.sum(axis=1, keepdims=True)  # weights are relative to D65
-    wanted = np.concatenate([np.zeros((count, 3)), matrix / white])
-    return np.asarray(np.linalg.solve(system, wanted)[:count])
+    slopes = np.kron(steps, np.eye(3))
+    held = np.concatenate([np.kron(seen, np.eye(3)), np.kron(np.eye(count), np.ones(3))])
+    wanted = np.concatenate([(matrix / white).ravel(), np.ones(count)])
+    mixes, _ = nnls(
+        np.concatenate([HELD * held, slopes]), np.append(HELD * wanted, np.zeros(len(slopes)))
+    )
+    return np.asarray(mixes).reshape(count, 3)
 
 
 def of_lab(lab: Lab, source: str | Path, field: str) -> Spectrum:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -29,6 +29,8 @@ from drcmitsuba.model.materials import (
 )
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import choose
+from drcmitsuba.scene.geometry import SIDES, Surface
+from drcmitsuba.scene.materials import albedo
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 
 MOST_NAMES = 12
@@ -37,27 +39,6 @@ BY_RGB = "by red, green and blue, of which a smooth spectrum is made"
 """Words for surfaces whose case states a colour and no spectrum."""
 APART = 0.05
 """Difference of a spectrum's luminance from the stated one that a note tells [–]."""
-SIDES = ("south", "east", "north", "west")
-
-
-class TintedSurface(Protocol):
-    """Surface, as `scene.geometry` has it."""
-
-    @property
-    def name(self) -> str:
-        """Name of its front."""
-
-    @property
-    def behind(self) -> str:
-        """Name of its back, where that has another one."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of its sides."""
-
-    @property
-    def material(self) -> SurfaceMaterial:
-        """Material of both sides."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +107,7 @@ class Tints:
         """Weights of a film's red, green and blue in each band, (band, 3)."""
         return smooth_mixes(self.bands)
 
-    def check(self, surfaces: Iterable[TintedSurface]) -> list[str]:
+    def check(self, surfaces: Iterable[Surface]) -> list[str]:
         """Read all spectra, and find what surfaces take in all bands.
 
         Parameters
@@ -163,7 +144,7 @@ class Tints:
         sky, sun = (f"{v:g} K" if isinstance(v, float) else v for v in (told.sky, told.sun))
         return [f"colour: the sky's spectrum by {sky}, the sun's by {sun}"]
 
-    def _amounts(self, every: Mapping[str, TintedSurface]) -> list[str]:
+    def _amounts(self, every: Mapping[str, Surface]) -> list[str]:
         """Notes on surfaces whose spectrum has another luminance than the case states."""
         out = []
         for name, surface in every.items():
@@ -176,7 +157,7 @@ class Tints:
                 out.append(f"colour: {name}: {told}")
         return out[:MOST_NAMES]
 
-    def _grey_sides(self, every: Mapping[str, TintedSurface]) -> list[str]:
+    def _grey_sides(self, every: Mapping[str, Surface]) -> list[str]:
         """Notes on panes whose spectrum says nothing of the light that they reflect."""
         names = [
             name for name, surface in every.items()
@@ -187,7 +168,7 @@ class Tints:
         words = "its spectrum has no reflectances, so that it reflects light as grey"
         return [f"colour: {name}: {words}" for name in names[:MOST_NAMES]]
 
-    def _greys(self, every: Mapping[str, TintedSurface]) -> list[str]:
+    def _greys(self, every: Mapping[str, Surface]) -> list[str]:
         """Notes on the surfaces without a spectrum: grey ones, and those by red, green and blue."""
         bare = {name: surface for name, surface in every.items() if not self._named(surface, name)}
         out = []
@@ -202,7 +183,7 @@ class Tints:
         shape = self._shapes.get("ground")
         return 1.0 if shape is None else float(shape[0, band])
 
-    def of(self, band: int, surface: TintedSurface) -> SurfaceMaterial:
+    def of(self, band: int, surface: Surface) -> SurfaceMaterial:
         """Material of a surface in a band.
 
         Raises
@@ -225,7 +206,7 @@ class Tints:
             return self._film(material, shape, band)
         return material if shape is None else material.model_copy(update=_pane(material, shape))
 
-    def _shape(self, band: int, surface: TintedSurface, name: str) -> _Shape | None:
+    def _shape(self, band: int, surface: Surface, name: str) -> _Shape | None:
         """Spectrum of a side of a surface in a band."""
         spectrum = self._named(surface, name)
         if spectrum is None:
@@ -234,7 +215,7 @@ class Tints:
         field, at = f"colour.spectra.{spectrum}", self.bands.wavelengths[band]
         return _Shape(self.case.source, field, shape[:, band], at, float(shape[0].max()))
 
-    def _named(self, surface: TintedSurface, name: str) -> str | None:
+    def _named(self, surface: Surface, name: str) -> str | None:
         """Name of the spectrum of a side: that of its own name, or of its material's.
 
         A shade that stands in a window's place does not take the window's.
@@ -254,12 +235,12 @@ class Tints:
         return _scaled(stated, shape, "reflectance")
 
     def _film(self, film: BsdfMaterial, shape: _Shape | None, band: int) -> BsdfInBand:
-        """Film whose file is grey, or has a colour of its own, in a band."""
-        if shape is not None:
-            mix = (float(shape.values[0]) / 3,) * 3
+        """Film in a band: the colour of its file, or a spectrum that stands for it."""
+        if shape is None:
+            mix = tuple(self._mixes[band].tolist())
         else:
-            red, green, blue = self._mixes[band].tolist()
-            mix = red, green, blue
+            _scaled(albedo(film), shape, "share of the light sent on")
+            mix = (float(shape.values[0]),)
         kind = FacedBsdfInBand if isinstance(film, FacedBsdf) else BsdfInBand
         return kind(**film.model_dump(), mix=mix)
 
@@ -272,7 +253,7 @@ def _both(names: tuple[str, ...]) -> tuple[str, str]:
     return names[0], names[-1]
 
 
-def _is_grey(surface: TintedSurface) -> bool | None:
+def _is_grey(surface: Surface) -> bool | None:
     """Whether a surface has no red, green and blue; None where its BSDF's file decides."""
     material = surface.material
     if isinstance(material, BsdfMaterial):
@@ -282,7 +263,7 @@ def _is_grey(surface: TintedSurface) -> bool | None:
     return not isinstance(getattr(material, "reflectance", None), tuple)
 
 
-def _amount(surface: TintedSurface, name: str) -> float | None:
+def _amount(surface: Surface, name: str) -> float | None:
     """Luminance of a side as the case states it: what it reflects or, a pane, transmits."""
     material = surface.material
     if isinstance(material, Lambertian):
@@ -306,7 +287,7 @@ def _scaled(stated: float, shape: _Shape, what: str) -> float:
     """Share of the light in a band; InputError where it is more than all."""
     value = stated * float(shape.values[0])
     if value > 1 + 1e-6:
-        got = f"a {what} of {stated:g} would be {value:.2f} at {shape.wavelength:g} nm"
+        got = f"a {what} of {stated:.4g} would be {value:.2f} at {shape.wavelength:g} nm"
         remedy = f"at most {np.floor(100 / shape.largest) / 100:g} goes with this spectrum"
         raise InputError(shape.source, shape.field, got, remedy)
     return min(value, 1.0)

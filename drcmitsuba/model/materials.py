@@ -197,8 +197,8 @@ class FacedBsdf(BsdfMaterial):
 class BsdfInBand(BsdfMaterial):
     """Pane with a measured BSDF in a band of the spectrum."""
 
-    mix: tuple[float, float, float]
-    """Weights of red, green and blue in the band."""
+    mix: tuple[float, ...]
+    """Weights of red, green and blue in the band, or one weight of the luminance alone."""
 
 
 class FacedBsdfInBand(FacedBsdf, BsdfInBand):

@@ -233,7 +233,8 @@ def bsdf(material: SurfaceMaterial, channel: int = 0, clockwise: float = 0.0) ->
         mix = material.mix if isinstance(material, BsdfInBand) else None
         if mix is not None and not measured.coloured and abs(sum(mix) - 1) < 1e-9:
             mix = None  # a grey film is the same in all bands
-        return ({} if mix is None else {"mix": mix}) | {
+        weights = mix[0] if mix is not None and len(mix) == 1 else mix
+        return ({} if weights is None else {"mix": weights}) | {
             "type": "klems" if measured.file.kind == "Klems" else "tensor_tree",
             "filename": str(material.file),
             # Luminance decides, so that all channels and `lets_through` agree.

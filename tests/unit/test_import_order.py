@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 ROOMS = [
-    "schema", "runtime", "blocks", "model", "case", "sky", "colour", "bsdf", "scene",
+    "schema", "runtime", "blocks", "model", "case", "sky", "bsdf", "scene", "colour",
     "goniophotometer", "transport", "eye", "metrics", "controls", "standards", "report", "picture",
     "export", "plan", "annual", "rendering", "glare_year", "design", "cli",
 ]  # fmt: skip

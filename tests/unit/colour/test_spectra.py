@@ -92,3 +92,4 @@ def test_mixes_of_a_film_have_its_colour(count):
     matrix = colour.RGB_COLOURSPACES["sRGB"].matrix_RGB_to_XYZ
     assert seen == pytest.approx((matrix @ rgb / matrix.sum(axis=1)).tolist(), abs=1e-9)
     assert mixes.sum(axis=1) == pytest.approx(np.ones(count), abs=1e-9)
+    assert mixes.min() >= 0  # saturated films lose nothing, and none sends on more than all light

@@ -9,6 +9,7 @@ from drcmitsuba.case.colour import Colour
 from drcmitsuba.colour.bands import Bands
 from drcmitsuba.colour.tints import Tints
 from drcmitsuba.model.materials import (
+    BsdfMaterial,
     DielectricMaterial,
     DiffuserMaterial,
     GlazingMaterial,
@@ -16,11 +17,13 @@ from drcmitsuba.model.materials import (
     MirrorMaterial,
 )
 from drcmitsuba.runtime.errors import InputError
+from tests import ROOT
 from tests.unit.colour.rooms import box, surface
 
 BANDS = Bands.of(9)
 Y = BANDS.weights("Y")
 RED = (0.5, 0.3, 0.2)
+PRISM = ROOT / "scenes" / "films" / "prism.xml"
 
 
 def tints(spectra, **tables) -> Tints:
@@ -105,6 +108,16 @@ def test_a_blackout_blind_takes_a_spectrum_of_what_it_reflects():
 def test_what_cannot_be_is_refused(name, material, words):
     with pytest.raises(InputError, match=words):
         tints({name: RED}).of(8, surface(name, material))
+
+
+def test_a_film_takes_a_spectrum_that_no_band_exceeds():
+    film = BsdfMaterial(type="bsdf", file=PRISM)  # sends on 94 % of the light at most
+    even, red = (0.5, 0.5, 0.5), (0.9, 0.5, 0.4)
+    made = [tints({"film": even}).of(k, surface("film", film)) for k in range(9)]
+    assert [one.mix for one in made] == [pytest.approx((1.0,))] * 9
+    words = r"colour\.spectra\.film: a share of the light sent on of 0\.938\d* would be 1\."
+    with pytest.raises(InputError, match=words):
+        tints({"film": red}).check([surface("film", film)])
 
 
 def test_a_name_that_no_surface_has_is_refused_with_the_nearest():

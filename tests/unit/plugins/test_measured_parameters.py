@@ -112,6 +112,7 @@ def test_a_coloured_file_gives_its_channels(tmp_path):
     mixed = np.dot(mix, [red, green, blue])
     assert file.mixed(mix).components["tf"].value[0] == pytest.approx(mixed)
     assert load(path, mix=list(mix)).leaves.numpy()[0] == pytest.approx(mixed)
+    assert load(path, mix=0.5).leaves.numpy()[0] == pytest.approx(0.5 * 0.02)  # as if grey
 
 
 def test_a_mix_scales_a_grey_file_and_is_never_negative(tmp_path):
