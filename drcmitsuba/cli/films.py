@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from drcmitsuba.cli.options import AnyOutput, AsJson, Depth, FilmOutput, argument, film_path, option
-from drcmitsuba.cli.terminal import show, stages
+from drcmitsuba.cli.terminal import show, show_notes, stages
 from drcmitsuba.runtime.errors import InputError
 
 
@@ -107,4 +107,5 @@ def goniophotometer(
             progress=progress,
         )  # fmt: skip
         writer.save(film, path, thickness=unit_cell(loaded).thickness * 1e-3)
+    show_notes(film.notes[2:])  # after its settings and its recipe
     print(f"{path}: {film.kind}; see `drcmitsuba bsdf {path}`")

@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from drcmitsuba_plugins.bsdf_file import BsdfFile
 from drcmitsuba_plugins.bsdf_text import DIGITS
+from drcmitsuba_plugins.energy import sum_of_albedos
 from drcmitsuba_plugins.tensor import TensorTree
 
 from drcmitsuba.bsdf.merge import merge
 from drcmitsuba.goniophotometer.trace import prepare, shares
+from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.scene.structures.recipe import Recipe
@@ -22,6 +24,8 @@ MOST_SAMPLES = 1 << 21
 """Largest number of rays per incident cell."""
 MOST_LOST = 0.01
 """Largest share of the light that may still be inside after thousands of surfaces."""
+MOST_SENT, STEP = 1.02, 10.0
+"""Largest T + R of an incidence after cells are merged; else so many percent of the merges less."""
 
 _SIDES = ((-1, "tb", "rb"), (1, "tf", "rf"))
 """Side of the incident light, −1 outside and 1 room; its transmission and reflection."""
@@ -95,6 +99,7 @@ def expose(
     _check("depth", depth, 1, DEEPEST[rank])
     _check("samples", samples, 16, MOST_SAMPLES)
     _check("seed", seed, 0, 1 << 16)
+    backend.select()
     cell = prepare(unit_cell(recipe))
     halves: dict[str, np.ndarray] = {}
     lost_shares = []
@@ -119,6 +124,19 @@ def _rounded(tree: TensorTree) -> TensorTree:
     return replace(tree, value=np.array([float(f"{v:.{DIGITS}g}") for v in tree.value]))
 
 
+def _merged(exposure: Exposure, percent: float) -> tuple[dict[str, TensorTree], float]:
+    """Trees of all components, and the share of the merges [%] that keeps T + R of incidences."""
+    while True:
+        trees = {
+            name: _rounded(merge(exposure.tree(name), percent=percent, unit=exposure.unit))
+            for name in exposure.halves
+        }
+        sides = (sum_of_albedos([trees[f"t{side}"], trees[f"r{side}"]]) for side in "fb")
+        if percent == 0 or max(float(side.max()) for side in sides) <= MOST_SENT:
+            return trees, percent
+        percent = max(0.0, percent - STEP)
+
+
 def measure(
     recipe: Recipe, *, depth: int = 5, rank: int = 4, samples: int = 4096, seed: int = 0,
     progress: Progress = lambda share: None, percent: float = 90.0,
@@ -141,7 +159,8 @@ def measure(
     progress : callable, optional
         Called with the share of the work that is done, 0 to 1.
     percent : float
-        Least share of the possible merges of cells that is made [%].
+        Least share of the possible merges of cells that is made [%]. It is lowered where merged
+        incidences would send out more than 102 % of the light.
 
     Returns
     -------
@@ -172,15 +191,14 @@ def measure(
     if not 0 <= percent <= 100:
         raise InputError("goniophotometer", "percent", f"got {percent!r}", "give 0 to 100")
     exposure = expose(recipe, depth=depth, rank=rank, samples=samples, seed=seed, progress=progress)
-    trees = {
-        name: _rounded(merge(exposure.tree(name), percent=percent, unit=exposure.unit))
-        for name in exposure.halves
-    }
+    trees, merged = _merged(exposure, percent)
     notes = (
         f"drcmitsuba goniophotometer: rank {rank}, depth {depth}, {exposure.samples} rays per "
-        f"incident cell and side, seed {seed}, {percent:g} % of the merges",
+        f"incident cell and side, seed {seed}, {merged:g} % of the merges",
         recipe.model_dump_json(exclude_none=True),
     )
+    if merged < percent:
+        notes += (f"{percent:g} % of the merges would send out more than all light",)
     return BsdfFile(
         source=recipe.source, name=recipe.name, manufacturer=recipe.manufacturer,
         kind=f"TensorTree{rank}", components=dict(trees), notes=notes,

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from drcmitsuba_plugins import bsdf_file
+from drcmitsuba_plugins.energy import sum_of_albedos
 from drcmitsuba_plugins.tensor import TensorTree, to_direction
 
 from drcmitsuba import InputError
@@ -291,6 +292,21 @@ def test_merging_keeps_totals_and_what_is_significant():
     assert len(merge(tree, percent=100)) == 1
     half = merge(tree, percent=50)
     assert 0.3 * len(tree) < len(half) < 0.54 * len(tree)
+
+
+def test_merged_incidences_send_out_no_more_than_all_light():
+    prism = recipe(SLAB | {"polygons": [[[0, 0], [0.5, 0], [1, 0.5], [0.5, 1], [0, 1]]]})
+    coarse = {"depth": 3, "rank": 4, "samples": 256}
+    gone = gonio.expose(prism, **coarse)
+    of_side = [merge(gone.tree(name), percent=90, unit=gone.unit) for name in ("tf", "rf")]
+    assert sum_of_albedos(of_side).max() > 1.05  # which any case would refuse
+    file = gonio.measure(prism, **coarse)
+    for side in "fb":
+        components = [file.components[f"{kind}{side}"] for kind in "tr"]
+        assert sum_of_albedos(components).max() <= 1.02
+    assert file.notes[2] == "90 % of the merges would send out more than all light"
+    assert "% of the merges" in file.notes[0]
+    assert len(gonio.measure(prism, depth=4, rank=4, samples=1024, percent=50).notes) == 2
 
 
 def test_a_file_reads_back_equal(tmp_path):
