@@ -138,8 +138,8 @@ def read_timestamps(path: str | Path) -> np.ndarray:
     Raises
     ------
     InputError
-        No header, no stamps, a stamp that is none, 29 February, or one that is not later in the
-        year than the one before.
+        No header, no stamps, a stamp that is none, 29 February, one that is not later in the
+        year than the one before, or two in one minute.
     """
     rows = [line.strip().strip('"') for line in read_text(path).split("\n")]
     if rows[0] != "time":
@@ -152,6 +152,9 @@ def read_timestamps(path: str | Path) -> np.ndarray:
         if stamps and stamp <= stamps[-1]:
             got = f"{row!r} is not after {stamps[-1]:%m-%d %H:%M:%S}"
             remedy = "sort the stamps by their time of the year, each once"
+            raise InputError(path, f"line {number}, time", got, remedy)
+        if stamps and stamp.replace(second=0) == stamps[-1].replace(second=0):
+            got, remedy = "two time stamps in one minute", "give one a minute at most"
             raise InputError(path, f"line {number}, time", got, remedy)
         stamps.append(stamp)
     if not stamps:

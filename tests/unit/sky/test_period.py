@@ -187,6 +187,7 @@ def test_timestamps_map_to_the_nominal_year(tmp_path):
         ("time\n2016-02-29T10:00\n", "line 2, time"),
         ("time\n2015-03-21T10:00\n2015-03-21T10:00\n", "line 3, time"),
         ("time\n2015-03-21T10:00\n2015-03-20T10:00\n", "line 3, time"),
+        ("time\n2015-03-21T10:00:10\n2015-03-21T10:00:40\n", "line 3, time"),
         ("time\n2014-12-31T10:00\n2015-01-01T10:00\n", "line 3, time"),
         ("", "file"),
         (b"time\0", "file"),
