@@ -186,7 +186,10 @@ def test_own_time_stamps_take_the_sun_of_their_instant(evaluate, stamps, tmp_pat
 @pytest.mark.parametrize(
     ("rows", "message"),
     [
-        (["2015-03-21T10:00:10", "2015-03-21T10:00:40"], "time: two time stamps in one minute"),
+        (
+            ["2015-03-21T10:00:10", "2015-03-21T10:00:40"],
+            "line 3, time: two time stamps in one minute",
+        ),
         (["2015-03-21T25:00"], "line 2, time: '2015-03-21T25:00'"),
         (["noon"], "line 2, time: 'noon'"),
     ],
