@@ -326,16 +326,17 @@ def _light_of_all(
         return light_of_channels(case, panes, suns, accuracy, effects, progress)
     column = tuple(panes.states.names.index(name) for name in names)
 
-    def made(channel: int, fills: Sequence[int], progress: Progress) -> LightByElement:
+    def made(channel: int, fills: Sequence[int], most: int, progress: Progress) -> LightByElement:
         indices = np.zeros((1, len(panes)), int)
         indices[:, column] = fills
         ((standing, _),) = by_surfaces(case, panes, indices)
         return compute(
             case, standing, suns, accuracy, effects, channel=channel, progress=progress,
-            most_bytes=MOST_BYTES // len(channels),
+            most_bytes=most,
         )  # fmt: skip
 
-    each = tuple(LightOfSurfaces(case.source, column, partial(made, c)) for c in channels)
+    most = MOST_BYTES // len(channels)
+    each = tuple(LightOfSurfaces(case.source, column, partial(made, c), most) for c in channels)
     _simulate(each, [(0,) * len(column)], progress)
     return each
 

@@ -35,8 +35,10 @@ class LightOfSurfaces:
     """Name of the case in error messages."""
     openings: tuple[int, ...]
     """Openings whose fills bring surfaces."""
-    make: Callable[[Fills, Progress], LightByElement]
-    """Function that simulates the light with a set of surfaces."""
+    make: Callable[[Fills, int, Progress], LightByElement]
+    """Function that simulates the light with a set of surfaces in so much memory [bytes]."""
+    most_bytes: int
+    """Largest memory of the light of all sets [bytes]."""
     known: dict[Fills, LightByElement] = field(default_factory=dict)
     """Light of the sets that were asked for."""
 
@@ -75,14 +77,15 @@ class LightOfSurfaces:
         Raises
         ------
         InputError
-            There are too many sets.
+            There are too many sets, or they are larger than memory.
         """
         if fills not in self.known:
             if len(self.known) == MOST_SETS:
                 got = f"more than {MOST_SETS} sets of the surfaces that fills bring"
                 remedy = "name the state in which some groups stay: states in [model]"
                 raise InputError(self.source, "groups", got, remedy)
-            self.known[fills] = self.make(fills, progress)
+            left = self.most_bytes - sum(light.nbytes for light in self.known.values())
+            self.known[fills] = self.make(fills, left, progress)
         return self.known[fills]
 
     def fills(self, shares: np.ndarray) -> Fills:
