@@ -196,9 +196,8 @@ def measure(
         f"drcmitsuba goniophotometer: rank {rank}, depth {depth}, {exposure.samples} rays per "
         f"incident cell and side, seed {seed}, {merged:g} % of the merges",
         recipe.model_dump_json(exclude_none=True),
+        *[f"{percent:g} % of the merges would send out more than all light"] * (merged < percent),
     )
-    if merged < percent:
-        notes += (f"{percent:g} % of the merges would send out more than all light",)
     return BsdfFile(
         source=recipe.source, name=recipe.name, manufacturer=recipe.manufacturer,
         kind=f"TensorTree{rank}", components=dict(trees), notes=notes,
