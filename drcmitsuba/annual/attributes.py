@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Iterator
+from functools import reduce
+from operator import getitem
 from pathlib import Path
 from typing import Any
 
@@ -42,37 +45,61 @@ def fingerprint(case: Case, enabled_effects: EnabledEffects) -> str:
     if case.output.spaces:
         settings["in_spaces"] = case.output.spaces
     if case.model is not None:
-        # Files count by what is read of them, and of all that they call for.
         del settings["model"]["files"], settings["model"]["windows"]
-        settings["model"]["content"] = case.building.digest
+    for (*tables, key), content in _contents(case):
+        reduce(getitem, tables, settings)[key] = content
+    return _digest(settings)[:16]
+
+
+def _contents(case: Case) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Yield the files that light depends on, by the tables and the key that name them."""
+    if case.model is not None:  # by what is read of its files, and of all that they call for
+        yield ("model", "content"), case.building.digest
     if isinstance(case.sensors, PointSensors) and isinstance(case.sensors.points, Path):
-        settings["sensors"]["points"] = _digest(case.sensors.points)
+        yield ("sensors", "points"), _digest_of(case.sensors.points)
     for name, group in case.groups.items():
         if group.schedule is not None:
-            settings["groups"][name]["schedule"] = _digest(group.schedule)
+            yield ("groups", name, "schedule"), _digest_of(group.schedule)
     for name, material in case.materials.items():
         if isinstance(material, BsdfMaterial):
-            settings["materials"][name]["file"] = _digest(material.file)
+            yield ("materials", name, "file"), _digest_of(material.file)
     for name, component in case.components.items():
         if isinstance(component, StructureComponent):
             recipe = load_recipe(component.recipe)
-            settings["components"][name]["recipe"] = recipe.model_dump(mode="json")
+            yield ("components", name, "recipe"), recipe.model_dump(mode="json")
             if isinstance(recipe.structure, Mesh):
-                settings["components"][name]["mesh"] = _digest(recipe.path(recipe.structure.file))
+                file = recipe.path(recipe.structure.file)
+                yield ("components", name, "mesh"), _digest_of(file)
         elif isinstance(component, MeshComponent):
-            settings["components"][name]["file"] = _digest(component.file)
-    return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:16]
+            yield ("components", name, "file"), _digest_of(component.file)
 
 
-def _digest(file: Path) -> str:
+def files_of_weather(case: Case) -> list[Path]:
+    """Files of the weather and of the time stamps of a case that exist."""
+    files = [case.path(f) for f in (case.weather.file, case.period.timestamps) if f is not None]
+    return [file for file in files if file.is_file()]
+
+
+def inputs(case: Case) -> str:
+    """Digest of the contents of all files that the results of a case depend on."""
+    contents = {".".join(keys): content for keys, content in _contents(case)}
+    return _digest([contents, [*map(_digest_of, files_of_weather(case))]])[:16]
+
+
+def _digest(content: Any) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _digest_of(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 def settings(case: Case, daylight: Daylight) -> dict[str, Any]:
-    """Origin of a result: the case as plain values, its file and its weather."""
+    """Origin of a result: the case as plain values, its file, its weather and its inputs."""
     return {
         "case": case.source,
         "weather_source": daylight.source,
+        "inputs": inputs(case),
         **case.model_dump(mode="json", exclude_none=True),
     }
 

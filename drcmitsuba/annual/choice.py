@@ -15,6 +15,7 @@ import pandas as pd
 import xarray as xr
 
 from drcmitsuba.case.groups import OPEN
+from drcmitsuba.runtime.content_key import content_key
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import choose, shortened
 
@@ -25,6 +26,20 @@ WHOLE = 1e-6
 """Largest difference from 1 that shares of an opening may add up to."""
 MOST_MIXTURES = 200
 """Largest number of different shares that an opening takes in a year."""
+
+
+def in_words(choice: Choice) -> str:
+    """Text of a choice: "south: blind; east: 0.4 glass + 0.6 hole"."""
+    words = []
+    for opening, given in choice.items():
+        if isinstance(given, xr.DataArray):
+            fill = f"by the hour ({content_key(given.values.tolist())[:8]})"
+        elif isinstance(given, Mapping):
+            fill = " + ".join(f"{float(share):.4g} {name}" for name, share in given.items())
+        else:
+            fill = given
+        words.append(f"{opening}: {fill}")
+    return "; ".join(words)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ choice ─ ChosenFills ──────► shares that stay, groups that move
 from __future__ import annotations
 
 import itertools
+import json
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,7 +21,7 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.annual.attributes import attributes
-from drcmitsuba.annual.choice import Choice, ChosenFills
+from drcmitsuba.annual.choice import Choice, ChosenFills, in_words
 from drcmitsuba.annual.chosen_facade import ChosenFacade, KnownLight, light_of_channels
 from drcmitsuba.annual.recombined_year import recombined
 from drcmitsuba.annual.result import Result
@@ -216,6 +217,11 @@ class Elements:
             self.case, self.panes, self.channels, self._marked, light.sky["time"], chosen,
             first.constant, light=self._light, sky=light.every.sky,
         )  # fmt: skip
+        asked = {"choice": in_words(choice), "drawn": in_words(drawn)}
+        if asked := {name: words for name, words in asked.items() if words}:
+            origin = {**json.loads(facade.attributes["settings"]), **asked}
+            told = {"settings": json.dumps(origin, ensure_ascii=False)}
+            facade = replace(facade, attributes={**facade.attributes, **told})
         return facade, light
 
     @property

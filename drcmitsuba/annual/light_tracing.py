@@ -24,6 +24,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, SHADED, GroupStates, State
 from drcmitsuba.metrics.stored_arrays import open_dataset
 from drcmitsuba.plan import Plan, plan
+from drcmitsuba.report.lights import MOST_STATES
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, Stage, part
@@ -34,11 +35,11 @@ from drcmitsuba.schema import channel_weights
 from drcmitsuba.sky.daylight import Daylight, daylight
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.windows.deposit import WindowPanes
-from drcmitsuba.transport.windows.light_paths import by_window_and_bounce
+from drcmitsuba.transport.windows.light_paths import by_window_and_bounce, most_points
 
 SOURCES = ("ground", "sky", "sun")
-MOST_STATES = 12
-"""Largest number of states of the façade, those of the most hours."""
+BLOCK = 128
+"""Largest number of sensors whose coefficients are held at once where all are asked for."""
 MOST_WINDOWS = 12
 """Largest number of windows that are told apart by their materials, too."""
 
@@ -95,6 +96,14 @@ class LightTracing:
             sensor=[*sensors], source=np.array(SOURCES, object)
         )
 
+    @property
+    def block(self) -> int:
+        """Number of sensors whose coefficients are held at once where all are asked for."""
+        names = len(_windows(self.simulated)) + len(self.simulated.components) + 2
+        bins = self.light.sky.sizes["bin"] + len(self.suns.labels)
+        replicates = self.run.accuracy(self.case, BLOCK).replicates
+        return max(1, min(BLOCK, most_points(names, bins, replicates)))
+
     def exposure(self, C: xr.DataArray) -> xr.DataArray:
         """Light exposure (state, window, source, bounces, sensor) [lx h] by coefficients."""
         dims, values = _exposure(C, self.light, self.suns, self._within)
@@ -138,16 +147,37 @@ def _hours(
         E = open_dataset(path, "time")
     case = planned.facts.case
     if E.attrs.get("settings") != json.dumps(settings(case, light), ensure_ascii=False):
-        got = f"the results are not of {case.source}, or of another version of it"
+        got = f"the results are not of {case.source}: of another version of it or its files, "
+        got += "of some of its spaces, or of a choice of fills"
         raise InputError(path, "settings", got, "evaluate the case again, or name another folder")
     if not E.attrs.get("has_shade", 0):
         return {OPEN: always}
-    groups = GroupStates.of_attributes(E.attrs)
-    name = "facade_state" if "facade_state" in E.coords else "shade_closed"
-    indices = np.asarray(E[name].values).reshape(len(always), len(groups)).astype(int)
+    groups = prepared(case).groups.states
+    indices = _own_states(path, E, groups)
     rows, of_row, count = np.unique(indices, axis=0, return_inverse=True, return_counts=True)
     most = np.argsort(-count, kind="stable")[:MOST_STATES]
     return {groups.label(rows[i]): of_row.ravel() == i for i in most.tolist()}
+
+
+def _own_states(path: Path, E: xr.Dataset, groups: GroupStates) -> np.ndarray:
+    """States of a case's groups at every time stamp of an evaluation, int, (time, group).
+
+    The evaluation may know panes of no group as a further one of one state.
+    """
+    known = GroupStates.of_attributes(E.attrs)
+    of_known = dict(zip(known.names, known.states, strict=True))
+    of_own = dict(zip(groups.names, groups.states, strict=True))
+    others = {name for name, states in of_known.items() if len(states) > 1 or name in of_own}
+    if any(of_known[name] != of_own.get(name) for name in others):
+        got = f"other groups or states of panes than the case's: {', '.join(sorted(others))}"
+        raise InputError(path, "groups", got, "evaluate the case itself")
+    name = "facade_state" if "facade_state" in E.coords else "shade_closed"
+    of_time = np.asarray(E[name].values).reshape(E.sizes["time"], len(known)).astype(int)
+    indices = np.zeros((len(of_time), len(groups)), int)
+    for g, group in enumerate(groups.names):
+        if group in of_known:
+            indices[:, g] = of_time[:, known.names.index(group)]
+    return indices
 
 
 def _suns(sky: xr.Dataset, diameter: float) -> Suns:

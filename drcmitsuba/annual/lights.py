@@ -24,9 +24,6 @@ from drcmitsuba.scene.nearest_sensors import nearest_sensors
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import describe
 
-BLOCK = 128
-"""Number of sensors whose coefficients are held at once where all sensors are asked for."""
-
 
 @dataclass(frozen=True, repr=False)
 class Lights:
@@ -183,7 +180,7 @@ def lights_of_sensors(
     case = case if isinstance(case, Case) else load_case(case)
     traced = LightTracing.of(case, results, stage)
     every = range(prepared(case).receivers.coordinates.sizes["sensor"])
-    blocks = [every[first : first + BLOCK] for first in every[::BLOCK]]
+    blocks = [every[first : first + traced.block] for first in every[:: traced.block]]
     parts = []
     with traced.run.timed("who lights the sensors") as done:
         for i, sensors in enumerate(blocks):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import time
 from abc import ABC, abstractmethod
@@ -191,7 +192,9 @@ def with_record(
     case, light = planned.facts.case, planned.facts.light
     damaged = [] if run.blocks is None else run.blocks.notes
     every = (light.notes, remarks, planned.notes(), photon_notes(attributes), damaged)
-    origin = settings(case, light) | {"variant": backend.select()}
+    asked = json.loads(attributes.get("settings", "{}"))
+    chosen = {name: asked[name] for name in ("choice", "drawn") if name in asked}
+    origin = settings(case, light) | chosen | {"variant": backend.select()}
     metrics = {
         **numbers,
         "settings": {**origin, "notes": [note for notes in every for note in notes]},

@@ -12,7 +12,7 @@ from typing import Any
 import pandas as pd
 
 from drcmitsuba.annual import study_facades
-from drcmitsuba.annual.attributes import fingerprint
+from drcmitsuba.annual.attributes import files_of_weather, fingerprint
 from drcmitsuba.annual.result import evaluate_within
 from drcmitsuba.annual.study_facades import FacadesJob
 from drcmitsuba.annual.workers import Workers
@@ -282,12 +282,7 @@ def _daylight(case: Case) -> Daylight:
 def _weather_key(case: Case) -> str:
     """Digest of everything that the daylight of a row depends on."""
     tables = {"weather", "site", "period", "sky", "sun", "outside", "effects"}
-    return content_key(case.model_dump_json(include=tables), _files_of_weather(case))
-
-
-def _files_of_weather(case: Case) -> list[Path]:
-    files = [case.path(f) for f in (case.weather.file, case.period.timestamps) if f is not None]
-    return [file for file in files if file.is_file()]
+    return content_key(case.model_dump_json(include=tables), files_of_weather(case))
 
 
 def _key(case: Case) -> str:
@@ -296,7 +291,7 @@ def _key(case: Case) -> str:
 
 
 def _provenance(case: Case) -> Provenance:
-    inputs = fingerprint(case, ALL_EFFECTS), case.model_dump_json(), _files_of_weather(case)
+    inputs = fingerprint(case, ALL_EFFECTS), case.model_dump_json(), files_of_weather(case)
     return Provenance.of(*inputs, release=RELEASE)
 
 

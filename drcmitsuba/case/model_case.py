@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 from collections.abc import Collection, Sequence
@@ -95,6 +96,9 @@ def words(material: SurfaceMaterial) -> str:
 def case_text(file: Path, folder: Path, building: Model, sensors: AnySensors) -> str:
     """Text of a case file in a folder for a model's file, with its materials as comments."""
     relative = os.path.relpath(file.absolute(), folder.absolute())
+    taken = {name for layer in building.layers for name in layer.names}
+    numbered = (f"sun_shade_{i}" for i in itertools.count(2))
+    shade = next(n for n in itertools.chain(("shade", "sun_shade"), numbered) if n not in taken)
     lines = [
         f"# A case for {_comment(file.name)}.",
         "# Every key, its unit and its limits: drcmitsuba schema",
@@ -119,11 +123,11 @@ def case_text(file: Path, folder: Path, building: Model, sensors: AnySensors) ->
         *_sensors(sensors),
         "",
         *_spaces(building),
-        "# [materials.shade]                  # fabric of the sun shade",
+        f"# {f'[materials.{shade}]':<35}# fabric of the sun shade",
         '# type = "diffuser"',
         "# transmittance = 0.05",
         "# [shading]                          # closed, it stands in place of the clear panes",
-        '# material = "shade"',
+        f'# material = "{shade}"',
         *(['# groups = "spaces"                  # each by its own sun'] * bool(building.spaces)),
     ]
     return "\n".join(lines) + "\n"

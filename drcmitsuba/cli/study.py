@@ -52,6 +52,8 @@ def study(
     for _, row in wrong.head(MOST_ROWS).iterrows():
         print(f"row {row['row']}: {on_a_line(row['error'])}")
     print(f"{len(frame) - len(wrong)} of {len(frame)} rows have metrics; table.csv in {output}")
+    if len(wrong) == len(frame):
+        raise SystemExit(2)
 
 
 def _tails(keys: Sequence[str]) -> list[str]:

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from drcmitsuba_plugins.energy import EXCESS
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.colour.bands import Bands
@@ -239,7 +240,7 @@ class Tints:
         if shape is None:
             mix = tuple(self._mixes[band].tolist())
         else:
-            _scaled(albedo(film), shape, "share of the light sent on")
+            _scaled(albedo(film), shape, "share of the light sent on", 1 + EXCESS)
             mix = (float(shape.values[0]),)
         kind = FacedBsdfInBand if isinstance(film, FacedBsdf) else BsdfInBand
         return kind(**film.model_dump(), mix=mix)
@@ -283,12 +284,12 @@ def _aliases(name: str) -> list[str]:
     return [name]
 
 
-def _scaled(stated: float, shape: _Shape, what: str) -> float:
-    """Share of the light in a band; InputError where it is more than all."""
+def _scaled(stated: float, shape: _Shape, what: str, most: float = 1 + 1e-6) -> float:
+    """Share of the light in a band; InputError where it is more than all, or than `most`."""
     value = stated * float(shape.values[0])
-    if value > 1 + 1e-6:
+    if value > most:
         got = f"a {what} of {stated:.4g} would be {value:.2f} at {shape.wavelength:g} nm"
-        remedy = f"at most {np.floor(100 / shape.largest) / 100:g} goes with this spectrum"
+        remedy = f"at most {np.floor(100 * most / shape.largest) / 100:g} goes with this spectrum"
         raise InputError(shape.source, shape.field, got, remedy)
     return min(value, 1.0)
 

@@ -11,6 +11,8 @@ import xarray as xr
 from drcmitsuba.metrics.stored_arrays import loaded, open_dataset
 from drcmitsuba.runtime.errors import InputError
 
+MOST_STATES = 12
+"""Largest number of states of the façade, those of the most hours."""
 REMEDY = "run drcmitsuba lights again"
 
 

@@ -1,13 +1,18 @@
 """The command `drcmitsuba lights`: files, agreement with the evaluation, refusals."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import xarray as xr
 
 import drcmitsuba
-from drcmitsuba.annual import light_tracing, lights
+from drcmitsuba.annual import light_tracing
+from drcmitsuba.case.groups import GroupStates
 from drcmitsuba.report.sky_dome import who_lights
 from drcmitsuba.report.style import png
+from drcmitsuba.runtime.progress import silent
+from drcmitsuba.transport.windows import light_paths
 from tests.system.small_room import SITE, changed, run
 
 DAYS = ("months = [3, 6]", "months = [12]\nhours = [10, 14]")
@@ -49,7 +54,7 @@ def test_light_of_all_sensors_is_their_illuminance(
 ):
     """In one block the random numbers are those of the evaluation, in two they are others."""
     E, folder = evaluated[1].illuminance, case.parent / "results"
-    monkeypatch.setattr(lights, "BLOCK", block)
+    monkeypatch.setattr(light_tracing, "BLOCK", block)
     run(monkeypatch, "lights", case, "-o", folder)
     assert "all sensors" in capsys.readouterr().out
     with xr.open_dataset(folder / "light_of_sensors.nc", engine="h5netcdf") as data:
@@ -137,3 +142,67 @@ def test_results_of_another_case_are_refused(case, evaluated):
     other = evaluated[0].with_tables(accuracy=evaluated[0].accuracy.model_copy(update={"seed": 9}))
     with pytest.raises(drcmitsuba.InputError, match="the results are not of"):
         drcmitsuba.lights(other, [(1, 1)], results=case.parent / "results")
+
+
+def test_blocks_are_as_large_as_memory_holds(evaluated, monkeypatch):
+    traced = light_tracing.LightTracing.of(evaluated[0], None, silent)
+    bins = 146 + len(traced.suns.labels)
+    each = 4 * 4 * 3 * (light_paths.MOST_BOUNCES + 1) * bins  # replicates, windows
+    monkeypatch.setattr(light_paths, "MOST_BYTES", 5 * each)
+    assert traced.block == 5
+
+
+SOME = changed(
+    ("months = [3, 6]", "months = [3]\nhours = [10, 14]"), ("count = [5, 5]", "count = [2, 2]")
+)
+TWO = (
+    '\n[facade.east]\nstrips = [{ bottom = 0.9, top = 2.7, material = "glass" }]\n[groups.south]\n'
+    'panes = ["glass"]\nfacing = "south"\nschedule = "states.csv"\n[groups.east]\n'
+    'panes = ["glass"]\nfacing = "east"\nschedule = "states.csv"\n'
+)
+
+
+def scheduled(folder, south, east):
+    """Case of two groups that keep their states."""
+    (folder / "states.csv").write_text("south,east\n" + f"{south},{east}\n" * 8760)
+    (folder / "case.toml").write_text(SOME + TWO + BY_PATHS + SITE)
+    return drcmitsuba.load_case(folder / "case.toml")
+
+
+def test_results_of_other_contents_of_a_file_are_refused(tmp_path):
+    drcmitsuba.evaluate(scheduled(tmp_path, "open", "open")).save(tmp_path / "results")
+    other = scheduled(tmp_path, "open", "shade")
+    with pytest.raises(drcmitsuba.InputError, match="of another version of it or its files"):
+        drcmitsuba.lights(other, [(1, 1)], results=tmp_path / "results")
+
+
+def test_groups_are_those_of_their_names_and_a_choice_is_told(tmp_path):
+    case = scheduled(tmp_path, "open", "shade")
+    known = drcmitsuba.elements(case)
+    result = known.evaluate()
+    E = result.illuminance.assign_coords(
+        facade_state=result.illuminance["facade_state"][:, ::-1].variable
+    )
+    groups = GroupStates(("east", "south"), (("open", "shade"),) * 2)
+    turned = replace(result, illuminance=E.assign_attrs(groups.attributes()))
+    for given in (result, turned):
+        states = drcmitsuba.lights(case, [(1, 1)], results=given).dataset["state"]
+        assert states.values.tolist() == ["open/shade"]
+    chosen = known.evaluate({"south": {"glass": 0.5, "shade": 0.5}}, {"east": "shade"})
+    told = chosen.metrics["settings"]
+    assert (told["choice"], told["drawn"]) == ("south: 0.5 glass + 0.5 shade", "east: shade")
+    with pytest.raises(drcmitsuba.InputError, match="or of a choice of fills"):
+        drcmitsuba.lights(case, [(1, 1)], results=chosen)
+
+
+def test_a_shade_without_any_sun_lights_as_it_does_in_an_evaluation(tmp_path):
+    (tmp_path / "case.toml").write_text(SOME + BY_PATHS + 'suns = "off"\n' + SITE)
+    case = drcmitsuba.load_case(tmp_path / "case.toml")
+    result = drcmitsuba.evaluate(case)
+    shaded = drcmitsuba.lights(case, [(0.5, 0.5), (1, 1)]).dataset.sel(state="shaded")
+    assert (shaded["exposure"].sum(["window", "source", "bounces"]) > 0).all()
+    assert float(shaded["exposure"].sel(source="sun").sum()) == 0
+    light = drcmitsuba.lights_of_sensors(case, results=result)["exposure"]
+    light = light.sum(["state", "window", "source", "bounces"])
+    E = result.illuminance["total"].sum("time") * result.illuminance.attrs["step_hours"]
+    assert light.values == pytest.approx(E.values, rel=2e-6)

@@ -10,12 +10,12 @@ import xarray as xr
 
 from drcmitsuba.report.document.packing import Packed, packed
 from drcmitsuba.report.document.table import text
-from drcmitsuba.report.lights import REMEDY, of_period, read_lights
+from drcmitsuba.report.lights import MOST_STATES, REMEDY, of_period, read_lights
 from drcmitsuba.runtime.errors import InputError
 
 FILE = "light_of_sensors.nc"
 DIMS = ("state", "window", "source", "bounces", "sensor")
-MOST = {"state": 8, "window": 64, "bounces": 32}
+MOST = {"state": MOST_STATES, "window": 64, "bounces": 32}
 """Largest sizes of the dims."""
 PER_UNIT = 1000
 """Shares are in tenths of a per cent."""

@@ -12,7 +12,7 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba.report.document.labels import labels
 from drcmitsuba.report.document.packing import packed
 from drcmitsuba.report.document.table import Cell, Number, PageTable, plain, text
-from drcmitsuba.report.lights import REMEDY, hours_left_out, of_period, read_lights
+from drcmitsuba.report.lights import MOST_STATES, REMEDY, hours_left_out, of_period, read_lights
 from drcmitsuba.runtime.errors import InputError
 
 FILE = "lights.nc"
@@ -22,7 +22,7 @@ DIMS = {
     "solid_angle": ("bin",),
     "direction": ("bin", "axis"),
 }
-MOST = {"state": 12, "window": 64, "sensor": 24, "bounces": 32, "bin": 40_000}
+MOST = {"state": MOST_STATES, "window": 64, "sensor": 24, "bounces": 32, "bin": 40_000}
 """Largest sizes of the dims."""
 MOST_DRAWN = 3
 """Largest number of windows whose domes are drawn, those with the most light."""

@@ -34,7 +34,7 @@ LARGEST_FILE = 1 << 25
 SEEN = (
     "room", "model", "facade", "materials", "components", "furniture", "shading", "groups",
     "weather_source", "site", "sky", "outside", "period", "sun", "sensors", "spaces", "effects",
-    "colour",
+    "colour", "inputs",
 )  # fmt: skip
 """Tables of a case that glare depends on."""
 OTHER_GLARE = "glare.json is of another façade, room, sky, period or view, and left out"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -54,8 +55,15 @@ def asked(facades: list[EvaluatedFacade], names: list[str]) -> PageTable:
             threshold=f"{f.case.metrics.ase_threshold:g}", hours=f"{f.case.metrics.ase_hours:g}"
         ),
     }
+    for name in ("choice", "drawn"):
+        if any(name in f.settings for f in facades):
+            of[t[name]] = partial(_chosen, name)
     rows = {name: [plain(say(f)) for f in facades] for name, say in of.items()}
     return in_columns(t["asked"], t["what"], names, rows)
+
+
+def _chosen(name: str, facade: EvaluatedFacade) -> str:
+    return text(str(facade.settings.get(name, NONE)))
 
 
 def _place(facade: EvaluatedFacade) -> str:

@@ -139,7 +139,10 @@ class WindowDeposit:
         for k, part in enumerate(received):
             own = _column(outside & (self.of_diffuser.repeat(2) == k))
             inside = _column(~outside)
-            first = (inside * E + own * every for E, every in zip(part, whole, strict=True))
+            first = (  # without a sun that meets panes there is none to scale
+                inside * E + own * every if E.shape[1] else E
+                for E, every in zip(part, whole, strict=True)
+            )
             lit.append(Irradiance(*(neumann_series(between, E) for E in first)))
         return lit
 

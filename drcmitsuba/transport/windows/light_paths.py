@@ -47,6 +47,11 @@ MOST_BYTES = 1 << 30
 """Largest memory of the result's replicates [bytes]."""
 
 
+def most_points(windows: int, bins: int, replicates: int) -> int:
+    """Number of sensors whose light by so many windows and bins memory holds."""
+    return MOST_BYTES // (4 * replicates * windows * (MOST_BOUNCES + 1) * bins)
+
+
 def by_window_and_bounce(
     scene: Scene,
     points: np.ndarray,
@@ -95,7 +100,7 @@ def by_window_and_bounce(
     names = [window.name for window in windows] + [ELSEWHERE]
     names += [name or BETWEEN_PANES for name, _ in tracers]
     shape = (accuracy.replicates, len(names), MOST_BOUNCES + 1, len(points), len(followed))
-    if 4 * np.prod(shape, dtype=float) > MOST_BYTES:
+    if len(points) > most_points(len(names), len(followed), accuracy.replicates):
         got = f"{len(points)} points, {len(names)} windows and {len(followed)} bins"
         raise InputError("lights", "points", got, "take fewer points or time stamps")
     openings = Windows(windows)

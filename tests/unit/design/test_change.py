@@ -200,7 +200,9 @@ def test_the_command_tells_the_change_after_the_verdict(
     file, facades, change, tmp_path, monkeypatch, capsys
 ):
     evidence = facades.evidence(facades.present)
-    monkeypatch.setattr("drcmitsuba.cli.comply._evaluated", lambda *_: evidence)
+    result = SimpleNamespace(metrics={"settings": {"notes": ["a windy year"]}})
+    monkeypatch.setattr("drcmitsuba.cli.comply._evaluated", lambda *_: result)
+    monkeypatch.setattr("drcmitsuba.standards.Evidence.of_result", lambda _: evidence)
     monkeypatch.setattr(
         "drcmitsuba.design.cheapest_change.cheapest_changes", lambda *_: [change, *NO_CHANGE]
     )
@@ -212,6 +214,7 @@ def test_the_command_tells_the_change_after_the_verdict(
     assert "lm-83-12: cheapest change: cannot be told: case.toml: design: no such table" in out
     told, refused = json.loads((tmp_path / "compliance.json").read_text())["changes"]
     assert "no such table" in refused["refused"]
+    assert "note: a windy year" in out
     assert told["reaches"]
     assert told["changed_m2"] == pytest.approx(sum(m["m2"] for m in told["moves"]))
     assert told["quantities"]["sDA"]["then"]["value"] >= 75
