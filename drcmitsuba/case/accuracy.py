@@ -13,7 +13,7 @@ from drcmitsuba.runtime.toml import Table, shortened
 POINTS = 576
 """Number of points that the defaults are made for: the classroom's sensors."""
 MOST_TIMES = {
-    "paths": 16, "cell_paths": 2, "pane_points": 8, "sensor_sky_rays": 2,
+    "paths": 64, "cell_paths": 2, "pane_points": 8, "sensor_sky_rays": 2,
     "mirrored_sun_samples": 32,
 }  # fmt: skip
 """Largest factors of samples where points are few: beyond these the error comes from elsewhere."""

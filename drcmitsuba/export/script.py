@@ -59,7 +59,7 @@ if [ -n "${{RAYPATH:-}}" ]; then  # BSDF and function files lie here
     export RAYPATH
 fi
 
-# Another value may come from the environment: SKY_OPTIONS="-ab 4 -ad 512" sh simulate.sh
+# Another value may come from the environment: SKY_OPTIONS="{unbiased} -ad 512" sh simulate.sh
 : "${{PROCESSES:=1}}"
 # Neither a cap on bounces nor a threshold that cuts; a larger -ad has less noise.
 : "${{SKY_OPTIONS:={sky}}}"
@@ -93,7 +93,7 @@ def script(simulation: Simulation) -> str:
     head = HEAD.format(
         title=s.title, state=s.state, sensors=s.sensors, times=s.times, suns=s.suns,
         remarks=f"# Where the two simulations differ:\n{remarks}" if remarks else "",
-        sky=f"{UNBIASED} -ad 2048",
+        unbiased=UNBIASED, sky=f"{UNBIASED} -ad 2048",
     )  # fmt: skip
     weights = " ".join(f"{w:g}" for w in LUMINANCE_WEIGHTS.values())
     sky = RUN_SKY.format(subdivision=s.subdivision)
@@ -101,6 +101,7 @@ def script(simulation: Simulation) -> str:
     if not s.suns:
         return f"{head}{sky}{total}{LAST}"
     films = f" {EXACT_FILMS}" if s.has_films else ""
-    options = SUN_OPTIONS.format(suns=f"{UNBIASED} -ad 256 {EXACT_SUNS}{films}")
+    rays = 4096 if s.has_films else 256  # a film's lobe is met by few of them
+    options = SUN_OPTIONS.format(suns=f"{UNBIASED} -ad {rays} {EXACT_SUNS}{films}")
     suns = f" + \\\n    -t -c {weights} E_suns.mtx"
     return f"{head}{options}{sky}{RUN_SUNS}{total}{suns}{LAST}"

@@ -34,7 +34,7 @@ from drcmitsuba.transport.light.irradiance import Irradiance
 from drcmitsuba.transport.mirrors.image_suns import ImageSuns
 from drcmitsuba.transport.mirrors.sun_lobes import SunLobes
 from drcmitsuba.transport.panes.acceptance import Acceptance
-from drcmitsuba.transport.panes.patches import PanePatches
+from drcmitsuba.transport.panes.patches import PanePatches, patch_sizes
 from drcmitsuba.transport.panes.transfer import neumann_series, pane_transfer
 from drcmitsuba.transport.rays.even_rays import Starts
 from drcmitsuba.transport.rays.openings import Within, repeated_within, within_of
@@ -85,13 +85,9 @@ class Deposit:
         cls, scene: Scene, suns: np.ndarray, diameter: float, subdivision: int | None,
         accuracy: Accuracy,
     ) -> Deposit:  # fmt: skip
-        """Deposit in a scene, whose panes are cut into patches of two cells' width.
-
-        Light on panes that stand indoors differs from place to place as that on walls does: their
-        patches have the width of a cell.
-        """
+        """Deposit in a scene, whose panes are cut into patches of at most two cells' width."""
         panes, size = scene.scattering, 2 * accuracy.cell_size
-        sizes = [size / (1 + pane.indoors) for pane in panes]
+        sizes = patch_sizes(panes, scene.corners, size)
         patches = PanePatches.of([pane.quads for pane in panes], sizes) if panes else None
         films = Films.of(scene, size, suns, diameter)
         return cls(scene, suns, diameter, subdivision, accuracy, patches, films)

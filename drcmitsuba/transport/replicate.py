@@ -148,7 +148,7 @@ class Replicates:
             self.cells, self.reached = self.cells.plus(light.through(K, len(self))), None
             if Y is not None and self.indirect is not None:
                 self.indirect = self.indirect.plus(light.through(Y, len(self)))
-            dr.eval(self.cells, self.indirect)
+            dr.eval(*self.cells, self.indirect)
         self.panes = ()
 
     def pack(self) -> None:

@@ -118,7 +118,7 @@ class Gathered:
             cell = cells.of(vertices)
             if once:
                 seen = with_weights(seen, cells.count, cell, vertices.weight)
-            own = vertices.row // dr.opaque(mi.UInt32, here.stop - here.start) if once else None
+            own = vertices.row // dr.opaque(mi.UInt32, here.stop - here.start)
             drawn = drawn.extended(vertices, cell, cells.count, own=own)
             if len(vertices) <= room:
                 dr.eval(cell)

@@ -10,15 +10,55 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from drcmitsuba.model.model import areas
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.scene.geometry import normals as unit_normals
 from drcmitsuba.scene.meshes import paired_mesh
 from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
+from drcmitsuba.scene.scene import ScenePart
 
 MOST_PATCHES = 1 << 19
 """Largest number of patches."""
+FINE, MOST_FINE = 4, 1024
+"""Patches of panes that surfaces beyond their plane may shade are up to so many times smaller, as
+long as there are no more of them."""
+BEYOND = 0.01
+"""Distance from the plane of a pane from which on a surface may shade it [m]."""
 OFFSET = 1e-4
 """Distance of a face's points from the pane [m]."""
+
+
+def patch_sizes(panes: Sequence[ScenePart], corners: np.ndarray, size: float) -> list[float]:
+    """Widths of the patches of panes [m].
+
+    Light on a pane that stands indoors differs from place to place as that on walls does: its
+    patches are half as wide as `size`. The edge of a shadow on a pane is as sharp as the sun lets
+    it be, and what it looks like from nearby is told by patches that are narrower still.
+
+    Parameters
+    ----------
+    panes : sequence of ScenePart
+        Panes that scatter, fronts inward.
+    corners : np.ndarray, shape (corner, 3)
+        Corners of all surfaces [m].
+    size : float
+        Width of patches of panes that nothing shades [m].
+    """
+    shaded = [_may_be_shaded(pane.quads, corners) for pane in panes]
+    both = [*zip(panes, shaded, strict=True)]
+    area = sum(float(areas(pane.quads).sum()) for pane, is_shaded in both if is_shaded)
+    fits = (k for k in range(FINE, 1, -1) if area * (k / size) ** 2 <= MOST_FINE)
+    fine = next(fits, 1)
+    return [size / max(1 + pane.indoors, fine if is_shaded else 1) for pane, is_shaded in both]
+
+
+def _may_be_shaded(quads: np.ndarray, corners: np.ndarray) -> bool:
+    """Whether any surface lies beyond the plane of a pane (quad, 4, 3)."""
+    normals = unit_normals(quads)
+    every, of_quad = np.unique(normals.round(6), axis=0, return_inverse=True)
+    nearest = (corners @ every.T).min(axis=0)[of_quad.reshape(-1)]
+    return bool((nearest < (quads[:, 0] * normals).sum(axis=1) - BEYOND).any())
 
 
 @dataclass(frozen=True)

@@ -136,7 +136,9 @@ def test_sparing_rays_changes_no_coefficient(room):
     np.testing.assert_allclose(C[0], C[1], rtol=0, atol=1e-6 * C[1].max())
     for with_exits, without in zip(*straight, strict=True):
         np.testing.assert_array_equal(with_exits, without)
-    assert rays[0] < (0.98 if room in SLOW else 0.7) * rays[1]
+    # The fine patches of a pane that a frame may shade send rays of their own.
+    most = 0.98 if room in SLOW else 0.85 if room == "a sloped roof light" else 0.7
+    assert rays[0] < most * rays[1]
 
 
 def by_side(points):

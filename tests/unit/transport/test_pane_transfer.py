@@ -1,5 +1,7 @@
 """K and the light between panes that scatter evenly: exact answers."""
 
+from dataclasses import replace
+
 import mitsuba as mi
 import numpy as np
 import pytest
@@ -8,8 +10,9 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.model.materials import DiffuserMaterial
 from drcmitsuba.runtime.random_streams import Stream, number_in_replicate
 from drcmitsuba.scene import scene as scenes
+from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.deposit import Deposit
-from drcmitsuba.transport.panes.patches import PanePatches
+from drcmitsuba.transport.panes.patches import PanePatches, patch_sizes
 from drcmitsuba.transport.panes.transfer import neumann_series, pane_transfer
 from drcmitsuba.transport.rays.shadow_rays import sky_deposit
 from tests.unit.transport.exact_scenes import (
@@ -28,8 +31,40 @@ from tests.unit.transport.exact_scenes import (
     plane,
     polygon_factor,
     quad,
+    run,
     surface,
 )
+
+PANE = quad([-1, 0, 0], [0, 0, 2], [2, 0, 0])  # upright, front to the north
+ROOF = surface(0.0, quad([-20, -0.7, 2], [40, 0, 0], [0, 0.7, 0]))
+
+
+def test_patches_are_fine_where_a_shadow_may_cut_them():
+    (plain,) = scenes.build([surface(diffuser(0.4), PANE)]).scattering
+    corners = np.reshape(PANE, (-1, 3))
+    assert patch_sizes([plain], corners, 0.9) == [0.9]
+    inside, outside = corners + [0, 2, 0], corners - [0, 2, 0]
+    assert patch_sizes([plain], np.concatenate([corners, inside]), 0.9) == [0.9]
+    beyond = np.concatenate([corners, outside])
+    assert patch_sizes([plain], beyond, 0.9) == [0.225]
+    assert patch_sizes([plain], beyond, 0.15) == [0.075]  # narrower ones are too many
+    assert patch_sizes([plain], beyond, 0.09) == [0.09]
+    indoors = replace(plain, indoors=True)
+    assert patch_sizes([indoors], corners, 0.9) == [0.45]
+    assert patch_sizes([indoors, plain], beyond, 0.9) == [0.225, 0.225]
+
+
+def test_a_pane_below_a_roof_is_seen_lit_below_the_shadows_edge(same):
+    """The roof's shadow falls 0.7 m down; below its edge the pane shines evenly."""
+    sun = np.array([[0, -1, 1]]) / np.sqrt(2)
+    points, normals = np.array([[0, 0.25, 0.4], [0, 0.25, 0.9], [0.5, 0.5, 0.4]]), UP.repeat(3, 0)
+    C = run([surface(diffuser(0.4), PANE), ROOF], points, normals, Suns(("sun",), sun),
+            cell_size=0.45, pane_points=4096)[..., -1]  # fmt: skip
+    lit = PANE * [1, 1, 0.65]
+    above = lit[None].repeat(3, 0)
+    above[..., 2] = np.maximum(above[..., 2], points[:, None, 2])
+    factor = np.array([polygon_factor(p, q) for p, q in zip(points, above, strict=True)])
+    same(C, exact=0.4 * OMEGA / np.sqrt(2) * factor, within=0.04)
 
 
 @pytest.mark.parametrize(
