@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator
-from functools import reduce
+from functools import lru_cache, reduce
 from operator import getitem
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from drcmitsuba.case.schedule import schedule_of
 from drcmitsuba.case.sensors import PointSensors
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.model.materials import BsdfMaterial
+from drcmitsuba.runtime.content_key import file_numbers
 from drcmitsuba.runtime.provenance import METHOD
 from drcmitsuba.runtime.release import RELEASE
 from drcmitsuba.scene.enabled_effects import EnabledEffects
@@ -91,6 +92,12 @@ def _digest(content: Any) -> str:
 
 
 def _digest_of(file: Path) -> str:
+    return _read(file, file_numbers(file))
+
+
+@lru_cache(maxsize=256)
+def _read(file: Path, numbers: object) -> str:
+    """Digest of a file, which every result of a run asks for; its `numbers` tell a changed one."""
     return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
