@@ -137,10 +137,10 @@ def test_behind_a_partition_that_scatters(same, plain_coefficients):
     agree(case, same, plain_coefficients, pane_to_pane=False, within=0.03)
 
 
-def test_panes_within_rooms_are_cut_as_their_walls_are():
+def test_panes_within_rooms_are_cut_finer_than_their_walls_are():
     world = scene.load(partitioned(sensors={"floors": ["floor"], "spacing": 1.0}))
     patches = Deposit.of(world, SUNS, DIAMETER, 1, Accuracy(cell_size=0.5)).patches
-    assert len(patches) == 8 * 6
+    assert len(patches) == 16 * 12
     assert [part.name for part in world.parts if part.indoors] == ["partition"]
 
 

@@ -11,7 +11,7 @@ def test_as_many_points_as_the_defaults_are_made_for_take_the_defaults():
 def test_few_points_take_more_paths():
     usual, half, few = Accuracy(), Accuracy().of_points(POINTS // 2), Accuracy().of_points(1)
     assert half.paths == 2 * usual.paths
-    assert few.paths == 16 * usual.paths
+    assert few.paths == 64 * usual.paths
     assert few.cell_paths == 2 * usual.cell_paths
     assert (few.replicates, few.cell_size) == (usual.replicates, usual.cell_size)
 
