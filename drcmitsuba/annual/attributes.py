@@ -57,22 +57,22 @@ def _contents(case: Case) -> Iterator[tuple[tuple[str, ...], Any]]:
     if case.model is not None:  # by what is read of its files, and of all that they call for
         yield ("model", "content"), case.building.digest
     if isinstance(case.sensors, PointSensors) and isinstance(case.sensors.points, Path):
-        yield ("sensors", "points"), _digest_of(case.sensors.points)
+        yield ("sensors", "points"), _file_digest(case.sensors.points)
     for name, group in case.groups.items():
         if group.schedule is not None:
-            yield ("groups", name, "schedule"), _digest_of(group.schedule)
+            yield ("groups", name, "schedule"), _file_digest(group.schedule)
     for name, material in case.materials.items():
         if isinstance(material, BsdfMaterial):
-            yield ("materials", name, "file"), _digest_of(material.file)
+            yield ("materials", name, "file"), _file_digest(material.file)
     for name, component in case.components.items():
         if isinstance(component, StructureComponent):
             recipe = load_recipe(component.recipe)
             yield ("components", name, "recipe"), recipe.model_dump(mode="json")
             if isinstance(recipe.structure, Mesh):
                 file = recipe.path(recipe.structure.file)
-                yield ("components", name, "mesh"), _digest_of(file)
+                yield ("components", name, "mesh"), _file_digest(file)
         elif isinstance(component, MeshComponent):
-            yield ("components", name, "file"), _digest_of(component.file)
+            yield ("components", name, "file"), _file_digest(component.file)
 
 
 def files_of_weather(case: Case) -> list[Path]:
@@ -81,17 +81,21 @@ def files_of_weather(case: Case) -> list[Path]:
     return [file for file in files if file.is_file()]
 
 
-def inputs(case: Case) -> str:
+def digest_of_inputs(case: Case) -> str:
     """Digest of the contents of all files that the results of a case depend on."""
     contents = {".".join(keys): content for keys, content in _contents(case)}
-    return _digest([contents, [*map(_digest_of, files_of_weather(case))]])[:16]
+    told = case.colour
+    tints = told.sky, told.sun, *told.spectra.values()
+    spectra = [case.path(tint) for tint in tints if isinstance(tint, Path)]
+    files = files_of_weather(case) + [file for file in spectra if file.is_file()]
+    return _digest([contents, [*map(_file_digest, files)]])[:16]
 
 
 def _digest(content: Any) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def _digest_of(file: Path) -> str:
+def _file_digest(file: Path) -> str:
     return _read(file, file_numbers(file))
 
 
@@ -106,7 +110,7 @@ def settings(case: Case, daylight: Daylight) -> dict[str, Any]:
     return {
         "case": case.source,
         "weather_source": daylight.source,
-        "inputs": inputs(case),
+        "inputs": digest_of_inputs(case),
         **case.model_dump(mode="json", exclude_none=True),
     }
 

@@ -28,20 +28,6 @@ MOST_MIXTURES = 200
 """Largest number of different shares that an opening takes in a year."""
 
 
-def in_words(choice: Choice) -> str:
-    """Text of a choice: "south: blind; east: 0.4 glass + 0.6 hole"."""
-    words = []
-    for opening, given in choice.items():
-        if isinstance(given, xr.DataArray):
-            fill = f"by the hour ({content_key(given.values.tolist())[:8]})"
-        elif isinstance(given, Mapping):
-            fill = " + ".join(f"{float(share):.4g} {name}" for name, share in given.items())
-        else:
-            fill = given
-        words.append(f"{opening}: {fill}")
-    return "; ".join(words)
-
-
 @dataclass(frozen=True, eq=False)
 class Mixtures:
     """Shares of the fills of an opening by the hour."""
@@ -115,6 +101,18 @@ class ChosenFills:
                 shares = {given: 1.0} if isinstance(given, str) else given
                 constant[g] = _row(opening, fills, shares)
         return cls(constant, hourly)
+
+    def in_words(self, fills_of: Mapping[str, tuple[str, ...]]) -> str:
+        """Text of the choice: "south: blind; east: 0.4 glass + 0.6 hole"."""
+        words, names = [], [*fills_of]
+        for g, row in self.constant.items():
+            some = [(float(row[k]), fills_of[names[g]][k]) for k in np.flatnonzero(row)]
+            shares = (name if share == 1 else f"{share:.4g} {name}" for share, name in some)
+            words.append(f"{names[g]}: {' + '.join(shares)}")
+        for g, mixtures in self.hourly.items():
+            key = content_key(mixtures.shares[mixtures.index])[:8]
+            words.append(f"{names[g]}: by the hour ({key})")
+        return "; ".join(words)
 
     @property
     def named(self) -> set[int]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -164,16 +164,10 @@ class ChosenFacade:
         """Shares of all elements (…, element), from the state of every group (…, group)."""
         return self.moving.shares(self.still, indices) * self.factors
 
-    def rows(self, daylight: Daylight, openings: Sequence[int]) -> np.ndarray:
-        """Shares of all elements (row, element) by which some openings may stand in a year."""
-        time, moving = daylight.sky["time"], self.moving
-        indices = np.unique(moving.schedule.indices(time), axis=0)
-        for k, group in enumerate(moving.groups):
-            if group.by_hour is None and any(opening in openings for opening, _ in group.parts):
-                count = len(group.states)
-                indices = np.repeat(indices, count, axis=0)
-                indices[:, k] = np.tile(np.arange(count), len(indices) // count)
-        return self.shares(indices)
+    def scheduled(self, daylight: Daylight) -> np.ndarray:
+        """Shares of all elements (row, element) in a year whose rules close nothing."""
+        indices = self.moving.schedule.indices(daylight.sky["time"])
+        return self.shares(np.unique(indices, axis=0))
 
     def state(self, state: State, labels: np.ndarray | None, progress: Progress) -> xr.Dataset:
         """C [sr] of a state for all suns; see `StateSource`."""

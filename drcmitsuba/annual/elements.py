@@ -1,4 +1,4 @@
-"""Light of a case by opening and fill, from which any façade is evaluated without a ray.
+"""Light of a case by opening and fill, from which any façade is evaluated without its own rays.
 
 case, fills ─ openings_of ─► openings with their fills
      ─ elements.compute ───► light by element, channel by channel
@@ -21,7 +21,7 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.annual.attributes import attributes
-from drcmitsuba.annual.choice import Choice, ChosenFills, in_words
+from drcmitsuba.annual.choice import Choice, ChosenFills
 from drcmitsuba.annual.chosen_facade import ChosenFacade, KnownLight, light_of_channels
 from drcmitsuba.annual.recombined_year import recombined
 from drcmitsuba.annual.result import Result
@@ -103,7 +103,8 @@ class Elements:
         ------
         InputError
             An opening or a fill is unknown, shares do not add up to 1, an hour is missing, or the
-            shade is no fill of an opening that it covers.
+            shade is no fill of an opening that it covers; fills bring too many sets of surfaces,
+            or shares are taken of them.
 
         Notes
         -----
@@ -114,8 +115,8 @@ class Elements:
         run = replace(self.run, seconds=dict(self.run.seconds), ray_counter=Counter())
         with one_blas_thread():
             facade, light = self._facade(choice or {}, drawn or {})
-            for channel in self._of_surfaces[:1]:
-                self._simulate(facade.rows(light, channel.openings), run)
+            if self._of_surfaces:
+                self._simulate(facade.scheduled(light), run)
         return recombined(facade, self._summed, light, run, self._notes)
 
     def illuminance(self, choice: Choice | None = None) -> xr.Dataset:
@@ -189,7 +190,9 @@ class Elements:
         """Simulate the light that lacks of the surfaces that stand by shares (row, element)."""
         channels = self._of_surfaces
         for light in channels[:1]:
-            sets = [*dict.fromkeys(map(light.fills, np.unique(shares, axis=0)))]
+            sets = dict.fromkeys(map(light.fills, np.unique(shares, axis=0)))
+            for each in channels:
+                each.make_room([*sets])
             if lacking := [fills for fills in sets if fills not in light.known]:
                 with run.timed("elements") as done:
                     _simulate(channels, lacking, done)
@@ -217,12 +220,10 @@ class Elements:
             self.case, self.panes, self.channels, self._marked, light.sky["time"], chosen,
             first.constant, light=self._light, sky=light.every.sky,
         )  # fmt: skip
-        asked = {"choice": in_words(choice), "drawn": in_words(drawn)}
-        if asked := {name: words for name, words in asked.items() if words}:
-            origin = {**json.loads(facade.attributes["settings"]), **asked}
-            told = {"settings": json.dumps(origin, ensure_ascii=False)}
-            facade = replace(facade, attributes={**facade.attributes, **told})
-        return facade, light
+        words = {"choice": chosen.in_words(self.fills), "drawn": first.in_words(self.fills)}
+        asked = {name: text for name, text in words.items() if text}
+        origin = json.dumps(json.loads(self._marked["settings"]) | asked, ensure_ascii=False)
+        return replace(facade, attributes=facade.attributes | {"settings": origin}), light
 
     @property
     def _of_surfaces(self) -> list[LightOfSurfaces]:

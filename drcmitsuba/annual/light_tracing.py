@@ -167,9 +167,9 @@ def _own_states(path: Path, E: xr.Dataset, groups: GroupStates) -> np.ndarray:
     known = GroupStates.of_attributes(E.attrs)
     of_known = dict(zip(known.names, known.states, strict=True))
     of_own = dict(zip(groups.names, groups.states, strict=True))
-    others = {name for name, states in of_known.items() if len(states) > 1 or name in of_own}
-    if any(of_known[name] != of_own.get(name) for name in others):
-        got = f"other groups or states of panes than the case's: {', '.join(sorted(others))}"
+    moving = {name: states for name, states in of_known.items() if len(states) > 1}
+    if other := [name for name, states in moving.items() if states != of_own.get(name)]:
+        got = f"other states of panes than the case's: {', '.join(sorted(other))}"
         raise InputError(path, "groups", got, "evaluate the case itself")
     name = "facade_state" if "facade_state" in E.coords else "shade_closed"
     of_time = np.asarray(E[name].values).reshape(E.sizes["time"], len(known)).astype(int)

@@ -180,7 +180,8 @@ def lights_of_sensors(
     case = case if isinstance(case, Case) else load_case(case)
     traced = LightTracing.of(case, results, stage)
     every = range(prepared(case).receivers.coordinates.sizes["sensor"])
-    blocks = [every[first : first + traced.block] for first in every[:: traced.block]]
+    size = traced.block
+    blocks = [every[first : first + size] for first in every[::size]]
     parts = []
     with traced.run.timed("who lights the sensors") as done:
         for i, sensors in enumerate(blocks):

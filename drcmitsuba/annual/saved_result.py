@@ -192,9 +192,8 @@ def with_record(
     case, light = planned.facts.case, planned.facts.light
     damaged = [] if run.blocks is None else run.blocks.notes
     every = (light.notes, remarks, planned.notes(), photon_notes(attributes), damaged)
-    asked = json.loads(attributes.get("settings", "{}"))
-    chosen = {name: asked[name] for name in ("choice", "drawn") if name in asked}
-    origin = settings(case, light) | chosen | {"variant": backend.select()}
+    known = attributes.get("settings")
+    origin = (json.loads(known) if known else settings(case, light)) | {"variant": backend.select()}
     metrics = {
         **numbers,
         "settings": {**origin, "notes": [note for notes in every for note in notes]},

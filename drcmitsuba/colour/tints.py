@@ -240,7 +240,9 @@ class Tints:
         if shape is None:
             mix = tuple(self._mixes[band].tolist())
         else:
-            _scaled(albedo(film), shape, "share of the light sent on", 1 + EXCESS)
+            if (most := albedo(film) * float(shape.values[0])) > 1 + EXCESS:
+                got = f"the film would send on {most:.2f} of the light at {shape.wavelength:g} nm"
+                raise InputError(shape.source, shape.field, got, "give a flatter spectrum")
             mix = (float(shape.values[0]),)
         kind = FacedBsdfInBand if isinstance(film, FacedBsdf) else BsdfInBand
         return kind(**film.model_dump(), mix=mix)
@@ -284,12 +286,12 @@ def _aliases(name: str) -> list[str]:
     return [name]
 
 
-def _scaled(stated: float, shape: _Shape, what: str, most: float = 1 + 1e-6) -> float:
-    """Share of the light in a band; InputError where it is more than all, or than `most`."""
+def _scaled(stated: float, shape: _Shape, what: str) -> float:
+    """Share of the light in a band; InputError where it is more than all."""
     value = stated * float(shape.values[0])
-    if value > most:
-        got = f"a {what} of {stated:.4g} would be {value:.2f} at {shape.wavelength:g} nm"
-        remedy = f"at most {np.floor(100 * most / shape.largest) / 100:g} goes with this spectrum"
+    if value > 1 + 1e-6:
+        got = f"a {what} of {stated:g} would be {value:.2f} at {shape.wavelength:g} nm"
+        remedy = f"at most {np.floor(100 / shape.largest) / 100:g} goes with this spectrum"
         raise InputError(shape.source, shape.field, got, remedy)
     return min(value, 1.0)
 

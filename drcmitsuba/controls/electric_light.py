@@ -56,10 +56,11 @@ def zone_illuminance(
     parts = []
     for name, sensors in of_zone.items():
         try:
-            parts.append(E[:, np.atleast_1d(sensors)])
+            parts.append(E[:, np.asarray(sensors, int) if np.size(sensors) == 0 else sensors])
         except IndexError:
             remedy = f"give indices from 0 to {E.shape[1] - 1}, or a mask of all sensors"
             raise InputError("zones", "sensors", f"no such sensors, {name!r}", remedy) from None
+    parts = [some.reshape(len(E), -1) for some in parts]
     if not parts or not all(some.size for some in parts):
         raise InputError("zones", "sensors", "a zone without sensors", "give each at least one")
     values = [some.mean(axis=1, dtype=float) for some in parts]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from drcmitsuba.case.groups import GroupStates
@@ -112,6 +113,8 @@ def scheduled(
             got = f"{np.shape(states)} for group {name!r}"
             raise InputError("schedule", "hours", got, f"give {HOURS} states")
         g = groups.names.index(name)
+        if isinstance(states, pd.Series):
+            states = states.sort_index().to_numpy()
         if isinstance(states, xr.DataArray):
             states = states.sortby([*states.indexes]).values
         numbers[g] = np.asarray(states)

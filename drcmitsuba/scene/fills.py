@@ -54,7 +54,8 @@ def openings_of(case: Case, fills: Fills = ()) -> PaneGroups:
         raise InputError(case.source, "facade", "no pane to the outside", remedy)
     names = own.states.names
     if not isinstance(fills, Mapping):
-        fills = dict.fromkeys(names, fills)
+        with_panes = [n for n, facings in zip(names, own.facings, strict=True) if facings]
+        fills = dict.fromkeys(with_panes, fills)
     for opening, of_opening in fills.items():
         if opening not in names:
             got = f"no opening {shortened(opening)}"

@@ -77,10 +77,11 @@ def sun_position(time: np.ndarray, step: float, site: Site, sun_time: str = "mid
     >>> round(float(sun["solar_zenith"][0]), 1)
     12.8
     """
-    if isinstance(getattr(time, "dtype", None), pd.DatetimeTZDtype):
-        got, remedy = f"stamps of the type {time.dtype}", "give local standard time without a zone"
+    stamps = np.atleast_1d(time)
+    if stamps.dtype.kind == "O" and isinstance(pd.DatetimeIndex(stamps).dtype, pd.DatetimeTZDtype):
+        got, remedy = "time stamps with a zone", "give local standard time without one"
         raise InputError("sun position", "time", got, remedy)
-    time = np.atleast_1d(np.asarray(time, dtype="datetime64[ns]"))
+    time = stamps.astype("datetime64[ns]")
     if not 0 < step < np.inf:
         raise InputError("sun position", "step", f"{step} h", "give a length above 0 h")
     if np.isnat(time).any():

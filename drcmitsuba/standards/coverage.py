@@ -23,7 +23,7 @@ BY_YEAR = (
     'evaluate a whole year, calendar = "LM-83" and hours = [0, 24] in [period], by weather of all '
     "hours"
 )
-"""What to do where hours lack."""
+"""Remedies where hours lack."""
 MARGIN = 1.001
 """Factor by which a spacing may exceed its limit: coordinates are rounded."""
 UP = 0.999

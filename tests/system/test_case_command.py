@@ -4,6 +4,7 @@ import re
 
 import pytest
 
+from drcmitsuba.case.model_case import case_text
 from drcmitsuba.case.reading import load_case
 from drcmitsuba.case.sensors import FloorSensors
 from drcmitsuba.model.materials import Lambertian
@@ -30,6 +31,16 @@ def test_a_model_is_drawn_and_its_case_file_is_the_model(run, studio, tmp_path):
     for one, other in zip(alone.building.layers, written.building.layers, strict=True):
         assert (one.name, one.role, one.material) == (other.name, other.role, other.material)
         assert (one.quads == other.quads).all()
+
+
+def test_the_shade_of_a_case_file_has_a_name_of_its_own(studio):
+    text = case_text(studio, studio.parent, load_case(studio).building, FloorSensors(floors=("f",)))
+    assert "# [materials.shade] " in text
+    studio.write_text(STUDIO.replace("floor", "shade"))
+    building = load_case(studio).building
+    text = case_text(studio, studio.parent, building, FloorSensors(floors=("shade",)))
+    assert "# [materials.sun_shade] " in text
+    assert '# material = "sun_shade"' in text
 
 
 def test_a_shipped_case_is_drawn(run, tmp_path):

@@ -120,6 +120,14 @@ def test_a_study_that_was_stopped_goes_on(folder, monkeypatch):
     assert "sDA" in table._repr_html_()
 
 
+def test_a_study_of_wrong_rows_alone_ends_with_2(folder, monkeypatch, capsys):
+    written(folder, '[columns]\n"accuracy.replicates" = ["x", "y"]\n')
+    with pytest.raises(SystemExit) as stop:
+        run(monkeypatch, "study", folder / "study.toml", "-o", folder / "out")
+    assert stop.value.code == 2
+    assert "0 of 2 rows have metrics" in capsys.readouterr().out
+
+
 def test_rows_come_from_columns_and_from_csv(folder):
     rows = written(
         folder, "[columns]\n'metrics.sda_threshold' = [200, 300]\n'name' = ['a', 'b']"

@@ -207,7 +207,7 @@ class Tradeoff:
     rows: tuple[Row, ...]
     yardstick: Yardstick
     year: int
-    of_daylight: tuple[str, ...] = ()
+    daylight_notes: tuple[str, ...] = ()
     """Notes on the weather, the place and the period."""
 
     @property
@@ -240,7 +240,7 @@ class Tradeoff:
             f"({yardstick.ase:.1f} %) count these hours, by the rules of the year.",
             "Seconds count the whole period, without start-up and compilation.",
             *self._doubts(),
-            *self.of_daylight,
+            *self.daylight_notes,
         ]
 
     def _doubts(self) -> list[str]:

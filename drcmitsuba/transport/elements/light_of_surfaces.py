@@ -6,7 +6,7 @@ turns, snow, leaves.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -80,13 +80,21 @@ class LightOfSurfaces:
             There are too many sets, or they are larger than memory.
         """
         if fills not in self.known:
-            if len(self.known) == MOST_SETS:
-                got = f"more than {MOST_SETS} sets of the surfaces that fills bring"
-                remedy = "name the state in which some groups stay: states in [model]"
-                raise InputError(self.source, "groups", got, remedy)
+            self.make_room([fills, *self.known])
             left = self.most_bytes - sum(light.nbytes for light in self.known.values())
             self.known[fills] = self.make(fills, left, progress)
         return self.known[fills]
+
+    def make_room(self, wanted: Sequence[Fills]) -> None:
+        """Drop the light of sets that are not `wanted` where these would be too many with them."""
+        drawn = (0,) * len(self.openings)
+        if len({drawn, *wanted}) > MOST_SETS:
+            got = f"more than {MOST_SETS} sets of the surfaces that fills bring"
+            remedy = "name the state in which some groups stay: states in [model]"
+            raise InputError(self.source, "groups", got, remedy)
+        if len({*self.known, *wanted}) > MOST_SETS:
+            for fills in {*self.known} - {drawn, *wanted}:
+                del self.known[fills]
 
     def fills(self, shares: np.ndarray) -> Fills:
         """Set of surfaces that stands by the shares of all elements (element,).
@@ -101,7 +109,7 @@ class LightOfSurfaces:
             row = shares[known.starts[opening] : known.starts[opening + 1]]
             if np.count_nonzero(row) != 1:
                 got = "shares of fills that have surfaces of their own"
-                raise InputError("choice", known.names[opening], got, "name one fill at a time")
+                raise InputError(self.source, known.names[opening], got, "name one at a time")
             fills.append(int(row.argmax()))
         return tuple(fills)
 

@@ -8,6 +8,7 @@ from drcmitsuba import elements
 from drcmitsuba.annual import simulation
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.summed_year import luminances_of, years_of_states
+from drcmitsuba.case.groups import Group
 from drcmitsuba.case.weather import PeriodTable
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime import backend
@@ -90,8 +91,23 @@ def test_elements_know_the_light_of_every_set_of_surfaces(tmp_path, monkeypatch)
     np.testing.assert_allclose(chosen["total"], E["total"], rtol=1e-4)
     bare = known.evaluate({"south": "clear", "tree": "winter"}).illuminance
     np.testing.assert_allclose(bare["total"][[2, 5]], E["total"][[2, 5]], rtol=1e-4)
-    with pytest.raises(InputError, match=r"choice: tree: shares of fills .* name one fill"):
+    with pytest.raises(InputError, match=r"case\.toml: tree: shares of fills .* name one at"):
         known.evaluate({"tree": {"open": 0.5, "winter": 0.5}})
-    monkeypatch.setattr("drcmitsuba.transport.elements.light_of_surfaces.MOST_SETS", 3)
-    with pytest.raises(InputError, match=r"case\.toml: groups: more than 3 sets of the surfaces"):
-        known.illuminance({"south": "dark"})
+    reversed_, by_share = np.eye(2)[STATES[:, 1]], {"dims": ("time", "fill"), "coords": time}
+    told = [
+        known.evaluate({"tree": xr.DataArray(reversed_, **by_share).assign_coords(fill=fills)})
+        for fills in (["open", "winter"], ["winter", "open"])
+    ]
+    assert len({each.metrics["settings"]["choice"] for each in told}) == 2
+    assert (1, 0) not in light.known
+    monkeypatch.setattr("drcmitsuba.transport.elements.light_of_surfaces.MOST_SETS", 2)
+    known.illuminance({"south": "dark"})
+    assert {*light.known} == {(0, 0), (1, 0)}  # the others make room
+    with pytest.raises(InputError, match=r"case\.toml: groups: more than 2 sets of the surfaces"):
+        known.in_states(STATES)
+
+
+def test_a_rule_that_closes_nothing_needs_one_set(tmp_path):
+    known = elements(case_by_the_hour(tmp_path).with_tables(groups={"south": Group()}))
+    known.evaluate()
+    assert [*known.channels[0].known] == [(0,)]  # the tree hides the sun

@@ -182,7 +182,9 @@ def test_wrong_input_is_refused():
         sun_position(YEAR[:2], 1.0, GENEVA, "end")
     with pytest.raises(InputError, match="step: inf"):
         sun_position(YEAR[:2], np.inf, GENEVA)
-    with pytest.raises(InputError, match="give local standard time without a zone"):
+    with pytest.raises(InputError, match="give local standard time without one"):
         sun_position(pd.DatetimeIndex(YEAR[:2], tz="US/Eastern"), 1.0, GENEVA)
+    with pytest.raises(InputError, match="give local standard time without one"):
+        sun_position([pd.Timestamp(YEAR[0], tz="UTC")], 1.0, GENEVA)
     with pytest.raises(InputError, match="missing time stamp"):
         sun_position(np.array(["NaT"], dtype="datetime64[ns]"), 1.0, GENEVA)
