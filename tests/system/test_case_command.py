@@ -1,6 +1,7 @@
 """`drcmitsuba case`, and cases whose building is a file of its own."""
 
 import re
+from dataclasses import replace
 
 import pytest
 
@@ -34,11 +35,11 @@ def test_a_model_is_drawn_and_its_case_file_is_the_model(run, studio, tmp_path):
 
 
 def test_the_shade_of_a_case_file_has_a_name_of_its_own(studio):
-    text = case_text(studio, studio.parent, load_case(studio).building, FloorSensors(floors=("f",)))
-    assert "# [materials.shade] " in text
-    studio.write_text(STUDIO.replace("floor", "shade"))
-    building = load_case(studio).building
-    text = case_text(studio, studio.parent, building, FloorSensors(floors=("shade",)))
+    alone, sensors = load_case(studio).building, FloorSensors(floors=("floor",))
+    assert "# [materials.shade] " in case_text(studio, studio.parent, alone, sensors)
+    first, *others = alone.layers
+    taken = replace(alone, layers=(replace(first, name="shade"), *others))
+    text = case_text(studio, studio.parent, taken, sensors)
     assert "# [materials.sun_shade] " in text
     assert '# material = "sun_shade"' in text
 
