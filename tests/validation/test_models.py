@@ -140,7 +140,7 @@ def test_behind_a_partition_that_scatters(same, plain_coefficients):
 def test_panes_within_rooms_are_cut_finer_than_their_walls_are():
     world = scene.load(partitioned(sensors={"floors": ["floor"], "spacing": 1.0}))
     patches = Deposit.of(world, SUNS, DIAMETER, 1, Accuracy(cell_size=0.5)).patches
-    assert len(patches) == 16 * 12
+    assert len(patches) == 12 * 9
     assert [part.name for part in world.parts if part.indoors] == ["partition"]
 
 

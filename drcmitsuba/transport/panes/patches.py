@@ -20,7 +20,7 @@ from drcmitsuba.scene.scene import ScenePart
 
 MOST_PATCHES = 1 << 19
 """Largest number of patches."""
-FINE, MOST_FINE = 4, 1024
+FINE, MOST_FINE = 3, 1024
 """Patches of panes that surfaces beyond their plane may shade are up to so many times smaller, as
 long as there are no more of them."""
 BEYOND = 0.01

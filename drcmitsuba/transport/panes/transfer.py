@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 from drcmitsuba_plugins.sampling import TO_UNIT, random_bits
 
 from drcmitsuba.runtime.flat_arrays import add_at, flat, row_and_column
@@ -177,9 +178,21 @@ def neumann_series(between: mi.TensorXf, received: mi.TensorXf) -> mi.TensorXf:
     mi.TensorXf, shape (face, bin)
         E [sr].
     """
-    result, term = received, received
-    while float(dr.max(term.array)[0]) > 1e-7 * max(1e-30, float(dr.max(result.array)[0])):
-        term = between @ term
-        result = result + term
-        dr.eval(result, term)
-    return result
+    faces, bins = received.shape
+    K = between.numpy()
+    rows = np.flatnonzero(K.any(axis=1))  # faces that see panes: those outside mostly see none
+    if not len(rows) or not bins:
+        return received
+    onto, among = (mi.TensorXf(np.ascontiguousarray(k)) for k in (K[rows], K[np.ix_(rows, rows)]))
+    more = term = onto @ received
+    least = 1e-7 * max(1e-30, float(dr.max(received.array)[0]))
+    while float(dr.max(term.array)[0]) > least:
+        term = among @ term
+        more = more + term
+        dr.eval(more, term)
+    place = np.full(faces, -1)
+    place[rows] = np.arange(len(rows))
+    entry, count = dr.arange(mi.UInt32, faces * bins), dr.opaque(mi.UInt32, bins)
+    at = dr.gather(mi.Int32, mi.Int32(place), entry // count)
+    added = dr.gather(mi.Float, more.array, mi.UInt32(at) * count + entry % count, at >= 0)
+    return mi.TensorXf(received.array + added, received.shape)
