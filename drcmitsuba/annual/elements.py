@@ -8,12 +8,10 @@ choice ─ ChosenFills ──────► shares that stay, groups that move
 
 from __future__ import annotations
 
-import itertools
 import json
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -22,12 +20,16 @@ import xarray as xr
 
 from drcmitsuba.annual.attributes import attributes
 from drcmitsuba.annual.choice import Choice, ChosenFills
-from drcmitsuba.annual.chosen_facade import ChosenFacade, KnownLight, light_of_channels
+from drcmitsuba.annual.chosen_facade import ChosenFacade, KnownLight
+from drcmitsuba.annual.light_with_surfaces import (
+    light_with_surfaces,
+    simulate_scheduled,
+    simulate_sets,
+)
 from drcmitsuba.annual.recombined_year import recombined
 from drcmitsuba.annual.result import Result
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.summed_year import Opened
-from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import GroupStates
 from drcmitsuba.case.reading import load_case
@@ -35,20 +37,16 @@ from drcmitsuba.plan import Plan, notes, without_rounds
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.labelled import in_order
-from drcmitsuba.runtime.progress import Progress, Stage, part, silent
+from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.runtime.threads import one_blas_thread
-from drcmitsuba.scene import scene
-from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.fills import Fills, names_of
 from drcmitsuba.scene.pane_groups import PaneGroups
-from drcmitsuba.scene.panes_in_state import by_surfaces, groups_with_surfaces
+from drcmitsuba.scene.panes_in_state import groups_with_surfaces
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import describe, mean_and_error
 from drcmitsuba.sky.daylight import Daylight, daylight_and_year
-from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.elements import LightByElement, compute
-from drcmitsuba.transport.elements.light_of_surfaces import AnyLight, LightOfSurfaces
-from drcmitsuba.transport.elements.simulate import MOST_BYTES
+from drcmitsuba.transport.elements import LightByElement
+from drcmitsuba.transport.elements.light_of_surfaces import AnyLight
 
 
 @dataclass(frozen=True, repr=False)
@@ -115,8 +113,7 @@ class Elements:
         run = replace(self.run, seconds=dict(self.run.seconds), ray_counter=Counter())
         with one_blas_thread():
             facade, light = self._facade(choice or {}, drawn or {})
-            if self._of_surfaces:
-                self._simulate(facade.scheduled(light), run)
+            simulate_scheduled(facade, light, run)
         return recombined(facade, self._summed, light, run, self._notes)
 
     def illuminance(self, choice: Choice | None = None) -> xr.Dataset:
@@ -179,23 +176,12 @@ class Elements:
 
     def _illuminance(self, facade: ChosenFacade, light: Daylight, shares: np.ndarray) -> xr.Dataset:
         """`total` and `total_se` [lx] of shares (time, element)."""
-        self._simulate(shares, self.run)
+        simulate_sets(self.channels, shares, self.run)
         E = facade.illuminance(light, shares)
         mean, error = mean_and_error(E.transpose("replicate", ...).values)
         dims = [dim for dim in E.dims if dim != "replicate"]
         out = xr.Dataset({"total": (dims, mean), "total_se": (dims, error)}, E.coords)
         return describe(out.assign_coords(prepared(self.case).receivers.coordinates.coords))
-
-    def _simulate(self, shares: np.ndarray, run: Run) -> None:
-        """Simulate the light that lacks of the surfaces that stand by shares (row, element)."""
-        channels = self._of_surfaces
-        for light in channels[:1]:
-            sets = dict.fromkeys(map(light.fills, np.unique(shares, axis=0)))
-            for each in channels:
-                each.make_room([*sets])
-            if lacking := [fills for fills in sets if fills not in light.known]:
-                with run.timed("elements") as done:
-                    _simulate(channels, lacking, done)
 
     def _fixed(self, choice: Choice) -> tuple[ChosenFacade, Daylight]:
         """Façade of a choice whose other openings stay as drawn, at the case's own time stamps."""
@@ -224,11 +210,6 @@ class Elements:
         asked = {name: text for name, text in words.items() if text}
         origin = json.dumps(json.loads(self._marked["settings"]) | asked, ensure_ascii=False)
         return replace(facade, attributes=facade.attributes | {"settings": origin}), light
-
-    @property
-    def _of_surfaces(self) -> list[LightOfSurfaces]:
-        """Light of every channel, where fills bring surfaces; else none."""
-        return [light for light in self.channels if isinstance(light, LightOfSurfaces)]
 
     @cached_property
     def _light(self) -> KnownLight | None:
@@ -318,40 +299,8 @@ def elements(case: Case | str | Path, fills: Fills = (), stage: Stage = silent) 
             panes, planned, run = Opened.of(case, fills, light, run)
             accuracy = run.accuracy(case)
         with run.timed("elements") as done:
-            channels = _light_of_all(case, panes, light.suns, accuracy, planned.scope, done)
+            bringing = [panes.states.names.index(name) for name in groups_with_surfaces(case)]
+            channels = light_with_surfaces(
+                case, panes, bringing, light.suns, accuracy, planned.scope, done
+            )
     return Elements(case, light, planned, run, panes, channels)
-
-
-def _light_of_all(
-    case: Case, panes: PaneGroups, suns: Suns, accuracy: Accuracy, effects: EnabledEffects,
-    progress: Progress,
-) -> tuple[AnyLight, ...]:  # fmt: skip
-    """Light of every colour channel; where fills bring surfaces, that of what the case draws."""
-    channels = scene.channels_of(case, effects)
-    names = groups_with_surfaces(case)
-    if not names:
-        return light_of_channels(case, panes, suns, accuracy, effects, progress)
-    column = tuple(panes.states.names.index(name) for name in names)
-
-    def made(channel: int, fills: Sequence[int], most: int, progress: Progress) -> LightByElement:
-        indices = np.zeros((1, len(panes)), int)
-        indices[:, column] = fills
-        ((standing, _),) = by_surfaces(case, panes, indices)
-        return compute(
-            case, standing, suns, accuracy, effects, channel=channel, progress=progress,
-            most_bytes=most,
-        )  # fmt: skip
-
-    most = MOST_BYTES // len(channels)
-    each = tuple(LightOfSurfaces(case.source, column, partial(made, c), most) for c in channels)
-    _simulate(each, [(0,) * len(column)], progress)
-    return each
-
-
-def _simulate(
-    channels: Sequence[LightOfSurfaces], sets: Sequence[tuple[int, ...]], progress: Progress
-) -> None:
-    """Simulate the light of some sets of surfaces, channel by channel."""
-    jobs = [*itertools.product(channels, sets)]
-    for i, (channel, fills) in enumerate(jobs):
-        channel.of(fills, part(progress, i / len(jobs), (i + 1) / len(jobs)))

@@ -39,7 +39,7 @@ class MovingGroups:
     """All groups that move, and the others, which have one state."""
 
     groups: tuple[MovingGroup, ...]
-    openings: GroupStates
+    panes: PaneGroups
     """Openings of the case and their fills."""
 
     @property
@@ -48,7 +48,8 @@ class MovingGroups:
         every = self.groups
         states = GroupStates(tuple(g.name for g in every), tuple(g.states for g in every))
         moved = {opening for group in every for opening, _ in group.parts}
-        if len(moved) == len(self.openings) or states == GroupStates.of_shade():
+        others = any(faces for g, faces in enumerate(self.panes.facings) if g not in moved)
+        if not others or states == GroupStates.of_shade():
             return states
         return GroupStates((*states.names, OTHERS), (*states.states, (OPEN,)))
 
@@ -84,7 +85,7 @@ class MovingGroups:
         out = np.broadcast_to(still, (*indices.shape[:-1], len(still))).copy()
         for k, group in enumerate(self.groups):
             for opening, table in group.parts:
-                first = self.openings.starts[opening]
+                first = self.panes.states.starts[opening]
                 out[..., first : first + table.shape[1]] = table[indices[..., k]]
         return out
 
@@ -131,7 +132,7 @@ def moving_groups(
         name, taken = names.names[g], {group.name for group in moving}
         name = f"{name} (by the hour)" if name in taken else name  # of the shade of a façade
         moving.append(MovingGroup(name, mixtures.names, ((g, mixtures.shares),), by_hour, True))
-    return MovingGroups(tuple(moving), names)
+    return MovingGroups(tuple(moving), panes)
 
 
 def _of_table(

@@ -175,6 +175,8 @@ def _fits(cases: Sequence[Case], suns: Suns) -> bool:
         facades = shared_facades(cases)
     except InputError:  # of a row, which tells so when it is evaluated by itself
         return False
+    if facades.bringing:  # how many sets of surfaces stand, each row tells
+        return False
     sensors, subdivision = len(prepared(first).receivers), first.sky.subdivision
     size = by_element.memory(facades.panes.states, suns, first.accuracy, sensors, subdivision)
     return size < MEMORY

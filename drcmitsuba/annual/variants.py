@@ -10,7 +10,8 @@ from pathlib import Path
 
 from drcmitsuba.annual.attributes import attributes
 from drcmitsuba.annual.choice import ChosenFills
-from drcmitsuba.annual.chosen_facade import ChosenFacade, KnownLight, light_of_channels
+from drcmitsuba.annual.chosen_facade import ChosenFacade, KnownLight
+from drcmitsuba.annual.light_with_surfaces import light_with_surfaces, simulate_scheduled
 from drcmitsuba.annual.recombined_year import recombined
 from drcmitsuba.annual.result import Result
 from drcmitsuba.annual.run import Run
@@ -23,7 +24,7 @@ from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.shared_facades import SharedFacades
 from drcmitsuba.sky.daylight import Daylight, daylight, daylight_and_year
-from drcmitsuba.transport import elements as by_element
+from drcmitsuba.transport.elements.light_of_surfaces import AnyLight
 
 WITHOUT = (
     "coefficients of variants are not written, by which verdicts have hours beyond the period, and "
@@ -62,7 +63,7 @@ class SharedElements:
     """Plan of each case, with the rules of the metrics by which it is evaluated."""
     scope: EnabledEffects
     """Effects that were simulated: those that any of the cases calls for."""
-    channels: tuple[by_element.LightByElement, ...]
+    channels: tuple[AnyLight, ...]
     remarks: list[list[str]]
     """Notes on the films and the shade of each case."""
     run: Run
@@ -110,8 +111,8 @@ class SharedElements:
                 planned.append(plan(case, light))
             scope = joined_effects([each.scope for each in planned])
         with run.timed("elements") as done:
-            channels = light_of_channels(
-                facades.case, facades.panes, light.suns, accuracy, scope, done
+            channels = light_with_surfaces(
+                facades.case, facades.panes, facades.bringing, light.suns, accuracy, scope, done
             )
         return cls(light, facades, planned, scope, channels, remarks, run)
 
@@ -129,6 +130,7 @@ class SharedElements:
             ChosenFills({}, {}), self.facades.drawn[number], self.facades.members[number],
             self._known, self.facades.factors[number] if self.facades.factors else 1.0,
         )  # fmt: skip
+        simulate_scheduled(facade, self.light, run)
         remarks = [*self.remarks[number], *([] if case.output.illuminance == "all" else [WITHOUT])]
         return recombined(facade, planned, self.light, run, remarks, case.name)
 

@@ -20,6 +20,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from drcmitsuba.annual.result import Result, evaluate
+from drcmitsuba.annual.run import Run
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.design import Design
 from drcmitsuba.design import pictures
@@ -126,11 +127,12 @@ class ModelLayout:
             daylight = daylight_of(self.case)
             asked_of(self.case, daylight)  # refused before any light is traced
             self.openings.groups(daylight.sky["time"])
-        shared = self.openings.simulated(self.case, daylight, stage)
-        tiled = self.openings.tiled(shared.channels, daylight.sky["time"])
+        run = replace(Run.of(self.case), stage=stage)
+        channels, scope = self.openings.light(self.case, daylight, run)
+        tiled = self.openings.tiled(channels, daylight.sky["time"])
         if eyes is not None:
-            facades = shared.facades
-            lit = LitOpenings(facades.case, facades.panes, shared.scope, eyes)
+            facades = self.openings.facades
+            lit = LitOpenings(facades.case, facades.panes, scope, eyes)
             tiled = replace(tiled, openings=lit)
         return tiled, daylight
 

@@ -33,8 +33,10 @@ from drcmitsuba.plan import notes, plan
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage
 from drcmitsuba.runtime.toml import choose, fits, shortened
+from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.like_panes import NO_GROUP, LikePanes, like_panes
 from drcmitsuba.scene.pane_groups import further_materials
+from drcmitsuba.scene.panes_in_state import refuse_surfaces
 from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.shared_facades import SharedFacades
@@ -64,7 +66,14 @@ class SearchedOpenings:
 
     @classmethod
     def of_panes(cls, case: Case, film: str, names: Collection[str]) -> SearchedOpenings:
-        """Panes of some names, as from `meant_panes`."""
+        """Panes of some names, as from `meant_panes`.
+
+        Raises
+        ------
+        InputError
+            A group of the case has states with surfaces of their own.
+        """
+        refuse_surfaces(case)
         every = tuple(like_panes(case))
         searched = tuple(g for g, panes in enumerate(every) if str(panes) in names)
         covered = with_fill(case, film, [every[g].name for g in searched])
@@ -75,9 +84,10 @@ class SearchedOpenings:
     def of_walls(cls, case: Case, design: Design, film: str) -> SearchedOpenings:
         """Tiles of the walls that `[design]` names, then the panes that it names, if any.
 
-        Errors are those of `TiledWalls.of` and `meant_panes`; a material of these panes cannot be
-        that of new windows.
+        Errors are those of `TiledWalls.of`, `meant_panes` and `of_panes`; a material of these panes
+        cannot be that of new windows.
         """
+        refuse_surfaces(case)
         clear, walls = clear_of(case, design), tiled_walls(case, design)
         names = meant_panes(case, design) if design.panes or design.groups else ()
         panes = {panes.layer: panes for panes in like_panes(walls.case)}
@@ -107,9 +117,10 @@ class SearchedOpenings:
         """Names of the columns of a composition; panes are never wall."""
         return "wall", self.clear, self.film
 
-    def simulated(self, case: Case, light: Daylight, stage: Stage) -> SharedElements:
-        """Light of all openings with all of their fills, by the samples of a case."""
-        run = replace(Run.of(case), stage=stage)
+    def light(
+        self, case: Case, light: Daylight, run: Run
+    ) -> tuple[tuple[LightByElement, ...], EnabledEffects]:
+        """Light of all openings with all of their fills, and the effects that it holds."""
         accuracy = run.accuracy(case)
         filled = [each.with_tables(accuracy=case.accuracy) for each in self.variants[1:]]
         scope = joined_effects([plan(each, light).scope for each in filled])
@@ -118,8 +129,14 @@ class SearchedOpenings:
             channels = light_of_channels(
                 facades.case, facades.panes, light.suns, accuracy, scope, done
             )
+        return channels, scope
+
+    def simulated(self, case: Case, light: Daylight, stage: Stage) -> SharedElements:
+        """Light by the samples of a case, from which it is evaluated."""
+        run = replace(Run.of(case), stage=stage)
+        channels, scope = self.light(case, light, run)
         planned, remarks = [plan(case, light)], [notes(case)]
-        return SharedElements(light, facades, planned, scope, channels, remarks, run)
+        return SharedElements(light, self.facades, planned, scope, channels, remarks, run)
 
     @property
     def clear_materials(self) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ groups by the direction that they face, as LM-83 closes the shades of each faça
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -133,6 +133,13 @@ class PaneGroups:
         named = enumerate(zip(self.states.names, self.states.states, strict=True))
         own = [(g, states) for g, (name, states) in named if name != OTHERS]
         return {o: Member(g, (*range(1, len(s)),)) for o, (g, s) in enumerate(own)}
+
+    def with_surfaces(self, groups: Sequence[int], states: Sequence[int]) -> PaneGroups:
+        """The same panes beside the surfaces that some groups have in their states."""
+        standing = [NO_SURFACES] * len(self)
+        for group, state in zip(groups, states, strict=True):
+            standing[group] = state
+        return replace(self, standing=tuple(standing))
 
     def stands(self, group: int, state: int) -> bool:
         """Whether the surfaces of a group are those of a state, or it has none."""

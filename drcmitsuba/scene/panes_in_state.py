@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from drcmitsuba.runtime.toml import Side
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.geometry import SIDES, origin, recentred, rotation, wall
 from drcmitsuba.scene.like_panes import NO_GROUP
-from drcmitsuba.scene.pane_groups import NO_SURFACES, PaneGroups
+from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.prepared_case import prepared
 
@@ -166,13 +166,11 @@ def by_surfaces(
     names = groups_with_surfaces(case)
     if not names:
         return [(openings, np.arange(len(indices)))]
-    column = [openings.states.names.index(name) for name in names]
-    sets, of_row = np.unique(indices[:, column], axis=0, return_inverse=True)
-    standing = np.full((len(sets), len(openings)), NO_SURFACES)
-    standing[:, column] = sets
+    bringing = [openings.states.names.index(name) for name in names]
+    sets, of_row = np.unique(indices[:, bringing], axis=0, return_inverse=True)
     return [
-        (replace(openings, standing=tuple(states)), np.flatnonzero(of_row.reshape(-1) == k))
-        for k, states in enumerate(standing.tolist())
+        (openings.with_surfaces(bringing, states), np.flatnonzero(of_row.reshape(-1) == k))
+        for k, states in enumerate(sets.tolist())
     ]
 
 

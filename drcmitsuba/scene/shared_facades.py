@@ -7,7 +7,7 @@ stands in them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +20,7 @@ from drcmitsuba.runtime.toml import Side, shortened
 from drcmitsuba.scene.like_panes import NO_GROUP, LikePanes, assigned_to, like_panes
 from drcmitsuba.scene.materials import shade_covers
 from drcmitsuba.scene.pane_groups import Member, PaneGroups
-from drcmitsuba.scene.panes_in_state import refuse_surfaces
+from drcmitsuba.scene.panes_in_state import groups_with_surfaces
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.tiled_facades import TiledFacades, refuse_structures_in_strips
 
@@ -41,7 +41,9 @@ class SharedFacades:
     members: tuple[Mapping[int, Member], ...]
     """Groups of `[groups]` that openings belong to in each variant."""
     kinds: tuple[tuple[SurfaceMaterial | None, ...], ...]
-    """Material of every fill, by opening; None of a hole."""
+    """Material of every fill, by opening; None of a hole. None for those that bring surfaces."""
+    bringing: tuple[int, ...] = ()
+    """Openings of a model's groups whose states bring surfaces, none of which is a pane."""
     factors: tuple[np.ndarray, ...] = ()
     """Factors of the light by every element in each variant, (element,); without any, 1."""
 
@@ -73,7 +75,10 @@ class SharedFacades:
         for g, fills in enumerate(self.panes.states.states):
             put = {f for of in self.members if g in of for f in of[g].fills}
             free = [f not in put and name != shade for f, name in enumerate(fills)]
-            kept, place, factor = _multiples(self.kinds[g], free)
+            every = [*range(len(fills))]
+            kept, place, factor = every, every, [1.0] * len(fills)
+            if g not in self.bringing:
+                kept, place, factor = _multiples(self.kinds[g], free)
             states.append(kept)
             places.append(place)
             factors.append(factor)
@@ -85,7 +90,10 @@ class SharedFacades:
         """Take some fills of every opening: places among them, and factors, of all fills."""
         names = self.panes.states.names, self.panes.states.states
         states = tuple(tuple(of[f] for f in some) for of, some in zip(names[1], kept, strict=True))
-        kinds = tuple(tuple(of[f] for f in some) for of, some in zip(self.kinds, kept, strict=True))
+        kinds = tuple(
+            tuple(material for f, material in enumerate(of) if f in some)
+            for of, some in zip(self.kinds, kept, strict=True)
+        )
         known = GroupStates(names[0], states)
         materials = tuple(of[1:] for of in kinds)
         panes = replace(self.panes, states=known, materials=materials)
@@ -163,17 +171,19 @@ def _of_models(cases: Sequence[Case]) -> SharedFacades:
     placed = [_placed(case, first, every) for case in cases]
     kinds = [_kinds(cases, panes, states) for panes, *states in zip(every, *placed, strict=True)]
     fills = [(OPEN, *names) for names in (tuple(of)[1:] for of in kinds)]
-    states = GroupStates(tuple(map(str, every)), tuple(fills))
+    names, brought = tuple(map(str, every)), _brought(cases)
+    none = ((),) * len(brought)
+    states = GroupStates((*names, *brought), (*fills, *brought.values()))
     assigned = assigned_to(first, [(panes, g) for g, panes in enumerate(every)])
     panes = PaneGroups(
-        states, *assigned, tuple((panes.facing,) for panes in every),
-        tuple(tuple(of.values())[1:] for of in kinds),
-        spaces=tuple(panes.spaces for panes in every),
+        states, *assigned, (*((panes.facing,) for panes in every), *none),
+        (*(tuple(of.values())[1:] for of in kinds), *none),
+        spaces=(*(panes.spaces for panes in every), *none),
     )  # fmt: skip
     known = [[*of.values()] for of in kinds]
     drawn, members = [], []
     for case, of_groups in zip(cases, placed, strict=True):
-        rows, of_case = {}, {}
+        rows, of_case = {}, _bringing(case, brought, len(every))
         for g, (own, materials) in enumerate(zip(every, known, strict=True)):
             fill = materials.index(_drawn(case, own))
             rows[g] = np.eye(len(materials), dtype=np.float32)[fill]
@@ -182,10 +192,32 @@ def _of_models(cases: Sequence[Case]) -> SharedFacades:
                 of_case[g] = Member(group, tuple(map(materials.index, further)))
         drawn.append(rows)
         members.append(of_case)
-    bare = first.with_tables(shading=None, groups={})
     return SharedFacades(
-        bare, panes, tuple(drawn), tuple(members), tuple(tuple(of.values()) for of in kinds)
-    )
+        first.with_tables(shading=None, groups={}), panes, tuple(drawn), tuple(members),
+        (*(tuple(of.values()) for of in kinds), *none), (*range(len(every), len(states)),),
+    )  # fmt: skip
+
+
+def _brought(cases: Sequence[Case]) -> dict[str, tuple[str, ...]]:
+    """States of the groups that bring surfaces in any case, by name."""
+    return {name: states for case in cases for _, name, states in _groups_bringing(case)}
+
+
+def _bringing(case: Case, brought: Mapping[str, object], first: int) -> dict[int, Member]:
+    """Groups of a case that bring surfaces, by opening; these begin with the `first` one."""
+    opening = {name: g for g, name in enumerate(brought, first)}
+    return {
+        opening[name]: Member(group, (*range(1, len(states)),))
+        for group, name, states in _groups_bringing(case)
+    }
+
+
+def _groups_bringing(case: Case) -> Iterator[tuple[int, str, tuple[str, ...]]]:
+    """Yield number, name and states of each group that brings surfaces."""
+    groups, bringing = prepared(case).groups.states, groups_with_surfaces(case)
+    for group, (name, states) in enumerate(zip(groups.names, groups.states, strict=True)):
+        if name in bringing:
+            yield group, name, states
 
 
 _States = tuple[int, tuple[SurfaceMaterial | None, ...]]
@@ -200,7 +232,6 @@ def _placed(case: Case, first: Case, every: Sequence[LikePanes]) -> list[_States
 
 def _refuse_other_panes(case: Case, first: Case, every: Sequence[LikePanes]) -> None:
     """Refuse a variant of a model whose surfaces differ, or panes that no opening holds."""
-    refuse_surfaces(case)
     known = {(panes.layer, panes.facing, panes.space) for panes in every}
     outside = {
         layer: sum(len(p.quads) for p in every if p.layer == layer and p.quads is not None)

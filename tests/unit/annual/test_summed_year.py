@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from drcmitsuba import elements
+from drcmitsuba import elements, evaluate
 from drcmitsuba.annual import simulation
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.summed_year import luminances_of, years_of_states
+from drcmitsuba.annual.variants import SharedElements
 from drcmitsuba.case.groups import Group
 from drcmitsuba.case.weather import PeriodTable
+from drcmitsuba.model.materials import GlazingMaterial
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
@@ -32,13 +34,15 @@ def deviations(a, b):
     return (a.mean(axis=-1) - b.mean(axis=-1)) / error
 
 
-def case_by_the_hour(tmp_path):
+def case_by_the_hour(tmp_path, *days, **tree):
     """Window with a shelf, and a tree, of which both have two states, at six time stamps."""
-    hours = [f"2015-{day}T{hour}:30" for day in ("03-21", "06-21") for hour in ("09", "12", "15")]
+    days = days or ("03-21", "06-21")
+    hours = [f"2015-{day}T{hour}:30" for day in days for hour in ("09", "12", "15")]
     (tmp_path / "times.csv").write_text("\n".join(["time", *hours, ""]))
     one = case(
-        tmp_path, f"[groups.south]\n{TREE}[accuracy]\nreplicates = 8\nsensor_sky_rays = 2048\n"
-    )
+        tmp_path, f"[groups.south]\n{TREE}[accuracy]\nreplicates = 8\nsensor_sky_rays = 2048\n",
+        **tree,
+    )  # fmt: skip
     return one.with_tables(period=PeriodTable(timestamps=tmp_path / "times.csv"))
 
 
@@ -111,3 +115,23 @@ def test_a_rule_that_closes_nothing_needs_one_set(tmp_path):
     known = elements(case_by_the_hour(tmp_path).with_tables(groups={"south": Group()}))
     known.evaluate()
     assert [*known.channels[0].known] == [(0,)]  # the tree hides the sun
+
+
+def test_variants_have_the_surfaces_of_each_hour(tmp_path):
+    one = case_by_the_hour(tmp_path, "06-21", "09-23", tree=("winter", "summer"))
+    half = GlazingMaterial(type="glazing", transmittance=0.4)
+    still = {"south": one.groups["south"]}
+    pair = [one, one.with_tables(materials={**one.materials, "clear": half}, groups=still)]
+    shared, means = SharedElements.of(pair), []
+    (light,) = shared.channels
+    assert [*light.known] == [(0, 0)]
+    for number, each in enumerate(pair):
+        ours, theirs = shared.evaluate(number).illuminance, evaluate(each).illuminance
+        np.testing.assert_array_equal(ours["facade_state"], theirs["facade_state"])
+        error = np.hypot(ours["total_se"], theirs["total_se"])
+        assert (abs(ours["total"] - theirs["total"]) / error).max() < 5
+        np.testing.assert_allclose(ours["total"].mean(), theirs["total"].mean(), rtol=0.05)
+        means.append(ours["total"].mean("sensor").values)
+    assert {(0, 0), (0, 1)} <= {*light.known}
+    assert (means[0][3:] < 0.5 * means[0][:3]).all()  # the tree has leaves in autumn
+    assert (means[1][3:] > 0.6 * means[1][:3]).all()  # and none in the other variant

@@ -66,7 +66,8 @@ def case(tmp_path, tables, tree=("summer", "winter"), shelf=("dull", "bright"), 
     file = tmp_path / "case.toml"
     sensors = "[sensors]\ncorner = [1, 1, 0.8]\ncount = [2, 2]\nspacing = 1.0\n"
     file.write_text(f'[model]\nfiles = ["box.hbjson"]\n{states_of}{sensors}{tables}')
-    (tmp_path / "tree.csv").write_text("tree\n" + "0\n" * (HOURS // 2) + "winter\n" * (HOURS // 2))
+    by_half = "0\n" * (HOURS // 2) + f"{tree[-1]}\n" * (HOURS // 2)
+    (tmp_path / "tree.csv").write_text(f"tree\n{by_half}")
     return load_case(file)
 
 
