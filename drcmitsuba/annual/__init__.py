@@ -15,6 +15,8 @@ sample_accumulator, adaptive_sampling
     Coefficients to which samples are added, until the intervals are as narrow as the target.
 choice, moving_groups, chosen_facade
     Fills that stay in openings, groups that move beside them, and the light of both.
+light_with_surfaces
+    Light by element of each set of surfaces that fills bring.
 elements, weighed_year, recombined_year
     Light of a case by opening and fill; E of any façade, summed where it is asked for; its metrics.
 summed_year, controlled
