@@ -33,7 +33,7 @@ from drcmitsuba.runtime.ray_counter import Purpose
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.scene import Scene, load
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.coefficients import compute
+from drcmitsuba.transport.coefficients import compute, groups_of
 from drcmitsuba.transport.films.answers import SAMPLES
 from drcmitsuba.transport.films.films import FEW_ROWS, Films
 from drcmitsuba.transport.films.orientation import Mount
@@ -67,6 +67,8 @@ class Pilot:
     paths: PilotPaths
     cells: float
     """Number of cells of the evaluation."""
+    groups: int
+    """Number of groups of rooms, each of which lights its own cells."""
     coefficients: xr.Dataset
     """C of the pilot's sensors for the sky and the pilot's suns [sr]."""
     traced: dict[Purpose, dict[str, int]]
@@ -130,8 +132,8 @@ class Pilot:
             Draw.PEAKS.name: bins[1] / max(1, len(few.labels)),
         }
         return cls(
-            scene, points, normals, suns, a, bins, paths, cells, C, rays, scale, few, photons,
-            shared, gathers,
+            scene, points, normals, suns, a, bins, paths, cells,
+            len(groups_of(rooms, len(points))), C, rays, scale, few, photons, shared, gathers,
         )  # fmt: skip
 
     @property

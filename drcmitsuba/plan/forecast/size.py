@@ -74,7 +74,7 @@ def _numbers(pilot: Pilot) -> float:
 def memory(counted: Work) -> int:
     """Largest number of bytes that the process holds at once."""
     a, pilots = counted.plan.facts.case.accuracy, counted.pilots.values()
-    deposits = [a.replicates * p.cells * sum(p.bins) for p in pilots]
+    deposits = [a.replicates * p.cells / p.groups * sum(p.bins) for p in pilots]
     landed = [d for d, p in zip(deposits, pilots, strict=True) if p.scene.followed]
     vertices = [p.vertices / p.blocks for p in pilots]
     films = [(p.films, *p.bins) for p in pilots if p.films is not None]

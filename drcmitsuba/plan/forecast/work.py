@@ -152,9 +152,10 @@ def _transport(pilot: Pilot) -> Iterator[Amount]:
         return
     yield from pilot.rays()
     a, n, cells, bins = pilot.accuracy, len(pilot.points), pilot.cells, sum(pilot.bins)
-    yield "interreflection", "product", a.replicates * n * cells * bins
+    of_group = cells / pilot.groups
+    yield "interreflection", "product", a.replicates * n * of_group * bins
     if pilot.scene.effects.solved_cells:
-        blocks = min(cells / EDGE**2, MOST_BLOCKS)
+        blocks = min(of_group / EDGE**2, MOST_BLOCKS)
         yield "solved_cells", "product", a.replicates * cells * blocks * bins
     yield "interreflection", "deposit", a.replicates * cells * bins
     yield "rest", "entry", a.replicates * n * bins

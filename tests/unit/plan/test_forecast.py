@@ -24,7 +24,7 @@ from drcmitsuba.plan.forecast.summed import is_summed, states_of_year
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.machine_speed import Speed, speed
 from drcmitsuba.runtime.ray_counter import KINDS
-from drcmitsuba.scene.prepared_case import prepared
+from drcmitsuba.scene.prepared_case import PreparedCase, prepared
 from drcmitsuba.scene.scene import load
 from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.transport import coefficients as transport
@@ -395,3 +395,15 @@ def test_cells_that_two_rooms_meet_are_lit_for_each(monkeypatch):
     assert len(alone.times) == alone.met
     assert two.met < len(two.times) <= 2 * len(alone.times) * 1.2
     assert two.times.sum() > 4 * alone.times.sum()  # more vertices meet rarer cells
+
+
+def test_sensors_gather_from_the_cells_of_their_own_rooms(monkeypatch):
+    case = Case.model_validate(ROOM | {"effects": {"solved_cells": "off"}})
+    here = plan(case, daylight(case))
+    alone = forecast(here)
+    monkeypatch.setattr(transport, "TOGETHER", 15)
+    halves = np.arange(len(prepared(case).receivers)) // 15
+    monkeypatch.setattr(PreparedCase, "rooms_of", lambda case, points: halves)
+    two = forecast(here)
+    assert two.items["deposit"] > 1.5 * alone.items["deposit"]  # both see the one room
+    assert two.items["product"] == pytest.approx(alone.items["product"], rel=0.2)
