@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import xarray as xr
@@ -93,12 +94,6 @@ def recombined_year(
     Coefficients
         C of these states, as from `simulated_year`.
     """
-
-    def coefficients(light: Daylight) -> Coefficients:
-        quiet = replace(run, stage=silent, seconds={})
-        with one_blas_thread():  # as an evaluation has it: sums are made in the same order
-            return simulated_year(facade, case, light, quiet, facade.attributes).coefficients
-
     marked = facade.attributes
     light = facade.light
     if light is None or case.effects.dark_hours == "all":
@@ -118,8 +113,15 @@ def recombined_year(
             others[state] = facade.known(daylight, state, np.flatnonzero(hours))
     opens = None if shade is None else np.flatnonzero(shade.closures.possible[0])
     known = Coefficients(facade.known(daylight, OPEN, opens), others)
-    later = LaterCoefficients(marked, lambda: coefficients(daylight))
+    later = LaterCoefficients(marked, partial(_coefficients, facade, case, daylight, run))
     return SimulatedYear(known, direct, shade, daylight), later
+
+
+def _coefficients(facade: ChosenFacade, case: Case, daylight: Daylight, run: Run) -> Coefficients:
+    """C of the states that a façade takes."""
+    quiet = replace(run, stage=silent, seconds={})
+    with one_blas_thread():  # as an evaluation has it: sums are made in the same order
+        return simulated_year(facade, case, daylight, quiet, facade.attributes).coefficients
 
 
 def with_open_state(E: xr.Dataset, facade: ChosenFacade, daylight: Daylight) -> xr.Dataset:
@@ -127,15 +129,18 @@ def with_open_state(E: xr.Dataset, facade: ChosenFacade, daylight: Daylight) -> 
     if "total_open" in E:
         return E
 
-    def made() -> xr.Dataset:
-        with one_blas_thread():
-            C = facade.replicates()
-            parts = illuminance.by_channel(accumulate.by_source, C, daylight.sky)
-        return parts.rename({name + end: f"{name}_open{end}" for name in SOURCES for end in ENDS})
-
     names = [f"{name}_open{end}" for name in SOURCES for end in ENDS]
-    later = LaterArrays(made).variables(names, E["total"].variable)
+    arrays = LaterArrays(partial(_open_state, facade, daylight))
+    later = arrays.variables(names, E["total"].variable)
     first = ["direct_sun", "direct_sun_se"]  # as `metrics.accumulate.illuminance` has them
     own = {name: E[name].variable for name in E.data_vars}
     every = {name: own.pop(name) for name in first} | later | own
     return describe(xr.Dataset(every, E.coords, E.attrs))
+
+
+def _open_state(facade: ChosenFacade, daylight: Daylight) -> xr.Dataset:
+    """E of the open state by source [lx], named as `with_open_state` has it."""
+    with one_blas_thread():
+        C = facade.replicates()
+        parts = illuminance.by_channel(accumulate.by_source, C, daylight.sky)
+    return parts.rename({name + end: f"{name}_open{end}" for name in SOURCES for end in ENDS})

@@ -79,7 +79,7 @@ def _of_one_type(frame: pd.DataFrame, keys: tuple[str, ...]) -> pd.DataFrame:
 
 
 def study(
-    plan: Study, folder: Path, cache: str | Path | None = None,
+    plan: Study, folder: str | Path, cache: str | Path | None = None,
     progress: Progress = lambda share: None, workers: Workers | None = None,
     tell: Callable[[str], None] = lambda line: None,
 ) -> StudyTable:  # fmt: skip
@@ -89,7 +89,7 @@ def study(
     ----------
     plan : Study
         From `case.study.load_study`.
-    folder : Path
+    folder : str or Path
         Folder for the table; a row that is done stands in its folder `rows`.
     cache : str or Path, optional
         Cache of coefficients; by default one in the folder.
@@ -109,7 +109,7 @@ def study(
         The rows cannot be read, another run writes to the folder, or the cache is unfit. A row that
         is unfit is told in the table.
     """
-    rows, lines = plan.each(), []
+    folder, rows, lines = Path(folder), plan.each(), []
     with locked(folder):
         storage.remove_abandoned(folder)
         blocks = BlockFolder.cache(folder / CACHE if cache is None else cache).telling(tell)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -40,18 +41,22 @@ def coefficients(case: CaseName, output: Output = Path("results"), weather: Weat
     The coefficients hold every sun above the horizon, whether it shines in this weather or not.
     """
     from drcmitsuba.annual import simulation
+    from drcmitsuba.annual.attributes import settings
     from drcmitsuba.annual.run import Run
     from drcmitsuba.plan import plan
     from drcmitsuba.runtime import backend, storage
     from drcmitsuba.sky import daylight
 
-    loaded = load(case, weather).with_dark_hours()
+    given = load(case, weather)
+    loaded = given.with_dark_hours()
     backend.select()
     with stages() as stage:
         with stage("sky"):
             sources = daylight.daylight_and_year(loaded)
         run = Run.of(loaded, plan(loaded, sources).scope)
         C = simulation.coefficients(loaded, sources, replace(run, stage=stage))
+        origin = json.dumps(settings(given, sources), ensure_ascii=False)
+        C = C.assign_attrs(settings=origin)  # of the case whose results the next steps are
         with stage("writing"):
             storage.save_zarr(C.parts(), output / "coefficients.zarr", along="state")
     show_notes(sources.notes)

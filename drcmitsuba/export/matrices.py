@@ -97,7 +97,7 @@ def _finite(values: xr.DataArray) -> xr.DataArray:
     return values
 
 
-def save_matrices(coefficients: Coefficients, sky: xr.Dataset, folder: Path) -> Matrices:
+def save_matrices(coefficients: Coefficients, sky: xr.Dataset, folder: str | Path) -> Matrices:
     """Write `matrices` to a new folder: `C.mtx`, `L.mtx` and what their rows and columns are."""
     made = matrices(coefficients, sky)
     at = np.stack([coefficients.open[axis].values for axis in "xyz"], axis=-1)

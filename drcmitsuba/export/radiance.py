@@ -26,14 +26,14 @@ from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.sky.daylight import Daylight, daylight
 
 
-def save_radiance(case: Case, folder: Path, state: State = OPEN) -> Simulation:
+def save_radiance(case: Case, folder: str | Path, state: State = OPEN) -> Simulation:
     """Write a case in one state of its façade to a new folder, for Radiance to simulate.
 
     Parameters
     ----------
     case : Case
         An adaptive sun becomes the true one: Radiance traces every sun.
-    folder : Path
+    folder : str or Path
         New or empty folder.
     state : str
         State of the façade, see `case.groups`.

@@ -14,7 +14,7 @@ from drcmitsuba.schema import luminance
 
 def _rows(E: xr.Dataset, separator: str) -> Iterator[str]:
     """Yield the illuminances [lx] of every time stamp as text, the shade applied."""
-    values = luminance(E["total"])
+    values = luminance(E["total"]).transpose("time", "sensor")
     form = separator.join(["%.6g"] * values.sizes["sensor"])
     for row in values.values:
         yield form % tuple(row.tolist())
@@ -26,14 +26,14 @@ def _hours(E: xr.Dataset) -> np.ndarray:
     return E["time"].values + np.timedelta64(round(step * 1800), "s")
 
 
-def save_ill(E: xr.Dataset, path: Path) -> None:
+def save_ill(E: xr.Dataset, path: str | Path) -> None:
     """Write E as DAYSIM does: month, day, hour and E [lx] of every sensor, a row for a time stamp.
 
     Parameters
     ----------
     E : xr.Dataset
         `total` (time, sensor) [lx].
-    path : Path
+    path : str or Path
         The hour is the middle of the interval, in local standard time.
 
     Examples
@@ -54,14 +54,14 @@ def save_ill(E: xr.Dataset, path: Path) -> None:
     storage.save_lines((f"{m} {d} {h:.3f} {row}\n" for m, d, h, row in stamps), path)
 
 
-def save_csv(E: xr.Dataset, path: Path) -> None:
+def save_csv(E: xr.Dataset, path: str | Path) -> None:
     """Write E as CSV: sensors and their positions in four rows, then a row for a time stamp.
 
     Parameters
     ----------
     E : xr.Dataset
         `total` (time, sensor) [lx], and `x`, `y`, `z` (sensor) [m].
-    path : Path
+    path : str or Path
         Time stamps are starts of intervals in local standard time.
 
     Examples

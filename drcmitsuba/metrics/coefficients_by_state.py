@@ -45,8 +45,11 @@ class Coefficients:
     def of(cls, joined: xr.Dataset) -> Coefficients:
         """Split the dataset of `joined`, or of `coefficients.zarr`, into its states.
 
-        Without a state `open`, or with a single replicate, it raises InputError.
+        Without replicates, a state `open`, or with a single replicate, it raises InputError.
         """
+        if not {"state", "replicate", "replicates"} <= {*joined.dims, *joined.data_vars}:
+            got = "a dataset without state, replicate or replicates"
+            raise InputError("coefficients", "state, replicate", got, "give those of an evaluation")
         states = [str(state) for state in joined["state"].values]
         if OPEN not in states or joined.sizes["replicate"] < 2:
             got = "no state open, or a single replicate"

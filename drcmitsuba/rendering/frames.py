@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,7 +20,7 @@ from drcmitsuba.rendering.prepared_view import prepare
 from drcmitsuba.rendering.rendering import Rendering, Source
 from drcmitsuba.rendering.rounds import PictureTarget, toward
 from drcmitsuba.rendering.view_facade import ViewFacade
-from drcmitsuba.rendering.view_of_case import COLUMNS, Size, instant_of
+from drcmitsuba.rendering.view_of_case import COLUMNS, Instant, Size, instant_of
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
@@ -33,7 +33,7 @@ TIME_LIMIT = 60.0
 
 
 def frames(
-    case: Case | str | Path, view: str | None, times: Sequence[str | np.datetime64], *,
+    case: Case | str | Path, view: str | None, times: Iterable[Instant], *,
     size: Size = COLUMNS, sampling: Sampling | None = None, state: State = OPEN,
     states: Sequence[State] = (), source: Source = "all", target: str | None = None,
     time_limit: float = TIME_LIMIT, folder: str | Path | None = None, stage: Stage = silent,
@@ -46,7 +46,7 @@ def frames(
 
     Parameters
     ----------
-    times : sequence of str or np.datetime64
+    times : iterable of str, np.datetime64 or datetime
         Local standard times, such as "03-21 10:30".
     state : str
         State of the façade, or `applied`: at each time the one that the shade takes in its hour.
@@ -85,7 +85,9 @@ def frames(
         case = load_case(case)
     backend.select()
     goal = None if target is None else PictureTarget.parse(target, time_limit)
-    instants = [instant_of(time) if isinstance(time, str) else time for time in times]
+    if isinstance(times, str):
+        raise InputError("picture", "times", repr(times), "give a list of times")
+    instants = [*map(instant_of, times)]
     by_time = [state] * len(instants)
     if state == APPLIED:
         by_time = states_at(case, np.array(instants), stage)
@@ -121,7 +123,7 @@ def _together(
 
 
 def render(
-    case: Case | str | Path, view: str | None = None, time: str | np.datetime64 = "03-21 12:00", *,
+    case: Case | str | Path, view: str | None = None, time: Instant = "03-21 12:00", *,
     size: Size = COLUMNS, sampling: Sampling | None = None, state: State = OPEN,
     source: Source = "all", target: str | None = None, time_limit: float = TIME_LIMIT,
     stage: Stage = silent,
@@ -130,7 +132,7 @@ def render(
 
     Parameters
     ----------
-    time : str or np.datetime64
+    time : str, np.datetime64 or datetime
         Local standard time, such as "03-21 10:30".
     case, view, size, sampling, state, source, target, time_limit, stage
         As for `frames`, which serves many instants.

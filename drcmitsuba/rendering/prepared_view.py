@@ -34,6 +34,7 @@ from drcmitsuba.rendering.view_colours import ViewColours
 from drcmitsuba.rendering.view_facade import ViewFacade
 from drcmitsuba.rendering.view_of_case import (
     COLUMNS,
+    Instant,
     Size,
     in_the_scene,
     instant_of,
@@ -80,14 +81,14 @@ class PreparedView:
         return self.facade.fills
 
     def at(
-        self, time: str | np.datetime64, source: Source = "all", state: State | None = None,
+        self, time: Instant, source: Source = "all", state: State | None = None,
         choice: Choice | None = None,
     ) -> Rendering:  # fmt: skip
         """Picture at an instant and in any state of the façade, without tracing again.
 
         Parameters
         ----------
-        time : str or np.datetime64
+        time : str, np.datetime64 or datetime
             Local standard time, such as "03-21 10:30".
         source : {"all", "sky", "sun"}
             Light that is shown: of sky and sun, of the sky and the ground, or of the sun; the last
@@ -108,7 +109,7 @@ class PreparedView:
             The time is no instant of the weather, the source is none of these, or there is no such
             state, opening or fill.
         """
-        instant = instant_of(time) if isinstance(time, str) else time
+        instant = instant_of(time)
         light = daylight(self.case, np.array([instant]))
         of_all = OutsideLuminances.of(self.case, light, 0)
         if source not in SOURCES:

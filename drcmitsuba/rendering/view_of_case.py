@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from datetime import datetime
 
 import numpy as np
 
@@ -17,27 +18,33 @@ from drcmitsuba.sky.period import NOMINAL_YEAR
 
 Size = int | tuple[int, int]
 """Number of columns, or of columns and rows, of a picture."""
+Instant = str | np.datetime64 | datetime
+"""Local standard time: a text such as "03-21 10:30", or a time of NumPy, pandas or Python."""
 COLUMNS = 512
 """Number of columns of a picture unless another is given."""
 _INSTANT = re.compile(r"(?:\d{4}-)?(\d\d-\d\d)[T ](\d\d:\d\d(?::\d\d)?)", re.ASCII)
 
 
-def instant_of(text: str) -> np.datetime64:
-    """Instant of the nominal year that a text names, such as "03-21 10:30".
+def instant_of(when: Instant) -> np.datetime64:
+    """Instant that is given; a text names one of the nominal year.
 
     Raises
     ------
     InputError
-        The text is no date and time.
+        There is no date and time, or one with a time zone.
     """
-    match = _INSTANT.fullmatch(text.strip())
+    if isinstance(when, np.datetime64) and not np.isnat(when):
+        return when
+    if isinstance(when, datetime) and when == when and when.tzinfo is None:  # NaT is not itself
+        return np.datetime64(when, "ns")
+    match = _INSTANT.fullmatch(when.strip()) if isinstance(when, str) else None
     try:
         if match:
             return np.datetime64(f"{NOMINAL_YEAR}-{match[1]}T{match[2]}", "ns")
     except ValueError:
         pass
     remedy = "give month, day and local standard time, as 03-21 10:30"
-    raise InputError("command line", "--time", repr(text), remedy)
+    raise InputError("command line", "--time", " ".join(repr(when).split())[:60], remedy)
 
 
 def picture_view(case: Case, name: str | None) -> tuple[str, PictureView]:
@@ -66,10 +73,14 @@ def shape_of(view: PictureView, size: Size) -> tuple[int, int]:
     Raises
     ------
     InputError
-        There are no pixels, or more than 33 million.
+        There are no pixels, or more than 33 million, or the size is no whole numbers.
     """
     wide, high = view.half_size
-    columns, rows = (size, max(1, round(size * high / wide))) if isinstance(size, int) else size
+    whole = np.atleast_1d(size)
+    if whole.dtype.kind not in "iu" or len(whole) not in (1, 2):
+        raise InputError("picture", "size", repr(size), "give columns, or columns and rows")
+    columns, *of_rows = whole.tolist()
+    rows = of_rows[0] if of_rows else max(1, round(columns * high / wide))
     if not (columns >= 1 and rows >= 1 and columns * rows <= MOST_PIXELS):
         got = f"{columns} by {rows} pixels"
         raise InputError("picture", "size", got, f"give 1 to {MOST_PIXELS} pixels in all")

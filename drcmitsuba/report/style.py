@@ -29,6 +29,7 @@ from PIL import Image
 from drcmitsuba.report.standing import DrawnParts
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.background import Behind
+from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress
 
 BLUE, ORANGE, GREY, INK = "#0072B2", "#D55E00", "#5A5A5A", "#222222"
@@ -125,6 +126,11 @@ def save(figure: Figure, path: str | Path) -> Path:
 
     An older file is replaced once the new one is complete.
 
+    Raises
+    ------
+    InputError
+        The path has the ending of another format.
+
     Examples
     --------
     >>> import drcmitsuba
@@ -133,6 +139,9 @@ def save(figure: Figure, path: str | Path) -> Path:
     >>> mean = result.illuminance["total"].mean("time", keep_attrs=True)
     >>> path = plots.save(plots.plan(mean), "plan.png")
     """
+    if (ending := Path(path).suffix.lower()) not in ("", ".png"):
+        remedy = "name it .png, or call the figure's own savefig"
+        raise InputError(path, "ending", f"{ending}, of another format than PNG", remedy)
     return _save(pixels_of(figure, DPI), Path(path))
 
 

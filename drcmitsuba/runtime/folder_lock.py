@@ -32,13 +32,15 @@ def locked(folder: Path) -> Iterator[None]:
     Raises
     ------
     InputError
-        Another process holds the lock.
+        Another process holds the lock, or there is a file of this name.
     OSError
         The folder may not be written.
     """
     if (own := (folder.resolve(), os.getpid(), threading.get_ident())) in _held:
         yield
         return
+    if folder.is_file():
+        raise InputError(folder, "folder", "it is a file", "name another folder")
     is_new, path = not folder.exists(), folder / NAME
     folder.mkdir(parents=True, exist_ok=True)
     with ExitStack() as at_the_end, path.open("a+", encoding="utf-8") as file:

@@ -33,8 +33,9 @@ def _replace(temporary: Path, path: Path) -> None:
 
 
 @contextmanager
-def whole(path: Path) -> Iterator[Path]:
+def whole(path: str | Path) -> Iterator[Path]:
     """Temporary path that takes the place of `path` where the block ends without an error."""
+    path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}")
     try:
@@ -131,7 +132,7 @@ def save_text(text: str, path: Path) -> None:
     save_lines([text], path)
 
 
-def save_lines(lines: Iterable[str], path: Path) -> None:
+def save_lines(lines: Iterable[str], path: str | Path) -> None:
     """Write lines of text one after another; never leaves half a file at `path`.
 
     Lines end as given, so that a file is the same on all systems.
@@ -141,7 +142,7 @@ def save_lines(lines: Iterable[str], path: Path) -> None:
 
 
 @contextmanager
-def new_folder(path: Path) -> Iterator[Path]:
+def new_folder(path: str | Path) -> Iterator[Path]:
     """Yield a temporary folder whose files move to `path` where the block ends without an error.
 
     Raises
@@ -149,7 +150,7 @@ def new_folder(path: Path) -> Iterator[Path]:
     InputError
         The folder holds files: those of two exports would mix.
     """
-    folder = path.resolve()
+    folder = Path(path).resolve()
     if folder.is_dir() and any(folder.iterdir()):
         raise InputError(path, "folder", "it holds files already", "name a new folder")
     made = folder.with_name(f".{folder.name}.{uuid.uuid4().hex[:8]}")

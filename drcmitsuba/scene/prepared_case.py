@@ -14,6 +14,7 @@ from drcmitsuba.case.sensors import file_of_points
 from drcmitsuba.model.model import View
 from drcmitsuba.model.space import Space, space_at
 from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.geometry import origin, rotation
 from drcmitsuba.scene.like_panes import tells_spaces
 from drcmitsuba.scene.pane_groups import PaneGroups
@@ -145,7 +146,16 @@ def _prepared(key: _SameTables) -> PreparedCase:
 
 
 def prepared(case: Case) -> PreparedCase:
-    """Make a case ready, once for each case; cases that differ in `UNREAD` tables share it."""
+    """Make a case ready, once for each case; cases that differ in `UNREAD` tables share it.
+
+    Raises
+    ------
+    InputError
+        The files of `[model]` were not read, as of a case that is made of tables.
+    """
+    if case.model is not None and not case.building.layers:
+        got, remedy = "its files were not read", "take load_case; with_tables changes its tables"
+        raise InputError(case.source, "model", got, remedy)
     if case.model is not None and mi.variant() is None:  # rays find the sensors of a model
         backend.select()
     return _prepared(_SameTables(case))

@@ -1,6 +1,7 @@
 """Any façade from one simulation: choices of fills against evaluations, and what is refused."""
 
 import dataclasses
+import pickle
 
 import numpy as np
 import pytest
@@ -70,7 +71,9 @@ def test_no_choice_is_the_case_itself(light):
         agree(ours, theirs, name)
     low, high = (theirs.metrics["sDA"][end] for end in ("low", "high"))
     assert low - 4 <= ours.metrics["sDA"]["value"] <= high + 4  # a sensor is 4 %
+    kept = pickle.loads(pickle.dumps(ours))  # before C is made
     assert set(ours.coefficients.data_vars) == set(theirs.coefficients.data_vars)
+    np.testing.assert_array_equal(kept.illuminance["sky_open"], ours.illuminance["sky_open"])
 
 
 def test_a_choice_is_the_case_drawn_so(light, tmp_path):

@@ -266,6 +266,9 @@ def test_the_chain_of_verbs_gives_the_numbers_of_evaluate(
         for ours, theirs in zip(result.metrics[name], numbers[name], strict=True):
             assert (ours is None) == (theirs is None)
             assert ours is None or theirs["value"] == ours["value"]
+    run(monkeypatch, "lights", case, "--point", "1,1", "-o", tmp_path)  # of this evaluation
+    for made in ("lights.nc", "lights_0.png"):
+        (tmp_path / made).unlink()
     run(monkeypatch, "plan", case, "-o", tmp_path)
     run(monkeypatch, "plot", tmp_path)
     assert {p.name for p in tmp_path.iterdir()} == {

@@ -165,6 +165,8 @@ def test_a_result_shows_its_report(results, tmp_path):
     assert 'sandbox="allow-scripts"' in shown
     assert "<script" not in shown  # the page is an attribute
     assert result.report().save(tmp_path / "new" / "r.html").stat().st_size < LARGEST
+    with pytest.raises(drcmitsuba.InputError, match=r"report: \.pdf; end its name in \.html"):
+        result.report().save(tmp_path / "new" / "r.pdf")
 
 
 def test_names_of_strangers_are_text(run, copied, tmp_path):

@@ -208,10 +208,19 @@ class Report:
         return out.getvalue()
 
     def save(self, path: str | Path) -> Path:
-        """Write the page to a file, whole or not at all; `.md` and `.csv` choose their format."""
+        """Write the page to a file, whole or not at all; `.md` and `.csv` choose their format.
+
+        Raises
+        ------
+        InputError
+            The path has the ending of another format.
+        """
         path = Path(path)
-        made = {".md": self.markdown, ".csv": self.csv}.get(path.suffix.lower(), self.html)
-        storage.save_text(made(), path)
+        made = {".html": self.html, ".htm": self.html, ".md": self.markdown, ".csv": self.csv}
+        if (ending := path.suffix.lower()) not in made:
+            got, remedy = ending or "no ending", f"end its name in {', '.join(made)}"
+            raise InputError(path, "report", got, remedy)
+        storage.save_text(made[ending](), path)
         return path
 
     def _repr_html_(self) -> str:

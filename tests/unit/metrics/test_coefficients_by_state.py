@@ -10,6 +10,7 @@ from drcmitsuba.metrics import stored_arrays
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.runtime import storage, zarr_folder
 from drcmitsuba.runtime.aligned_arrays import is_aligned
+from drcmitsuba.runtime.errors import InputError
 
 BINS = ["ground", "sky_1", "sun_a", "sun_b", "sun_c"]
 KINDS = [*itertools.product([False, True], repeat=3)]
@@ -67,3 +68,8 @@ def test_states_written_one_by_one_are_those_joined(
         for variable in ("straight", "replicates"):
             np.testing.assert_array_equal(again.states[name][variable], own[variable])
         assert is_aligned(again.states[name]["replicates"].values)
+
+
+def test_what_is_no_coefficients_is_refused():
+    with pytest.raises(InputError, match="coefficients: state, replicate: a dataset without"):
+        Coefficients.of(xr.Dataset({"total": ("time", [100.0])}))

@@ -45,6 +45,12 @@ def test_a_process_may_ask_for_its_folder_again(tmp_path):
         assert "another run writes to it" in other.stderr
 
 
+def test_a_file_is_no_folder(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="file: folder: it is a file"), locked(tmp_path / "file"):
+        pytest.fail("a file is locked")
+
+
 def test_another_thread_is_refused(tmp_path):
     told = []
 

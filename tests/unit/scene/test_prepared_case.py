@@ -114,6 +114,13 @@ def test_unfit_sensors_are_refused_each_time():
             prepared(case).check()
 
 
+def test_a_model_whose_files_were_not_read_is_refused():
+    sensors = {"corner": [0.5, 0.5, 0.8], "count": [1, 1], "spacing": 1.0}
+    made = Case.model_validate({"model": {"files": ["room.rad"]}, "sensors": sensors, "unit": "m"})
+    with pytest.raises(InputError, match="model: its files were not read; take load_case"):
+        prepared(made)
+
+
 def test_a_case_whose_tables_change_is_prepared_anew():
     case = room(groups={"south": {"panes": ["glass"], "states": ["opal"]}}, materials={
         "glass": {"type": "glazing", "transmittance": 0.7},

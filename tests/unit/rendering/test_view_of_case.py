@@ -1,0 +1,42 @@
+"""Instants and sizes of pictures, as users give them."""
+
+from datetime import UTC, datetime
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from drcmitsuba.picture.view import PictureView
+from drcmitsuba.rendering.view_of_case import instant_of, shape_of
+from drcmitsuba.runtime.errors import InputError
+
+NOON = np.datetime64("2015-03-20T12:00")
+
+
+@pytest.mark.parametrize("when", [
+    "03-20 12:00", " 2015-03-20T12:00:00 ", NOON, datetime(2015, 3, 20, 12),
+    pd.Timestamp("2015-03-20 12:00"),
+])  # fmt: skip
+def test_times_of_text_numpy_pandas_and_python_are_one(when):
+    assert instant_of(when) == NOON
+
+
+@pytest.mark.parametrize("when", [
+    "noon", "02-30 12:00", None, 12, pd.NaT, np.datetime64("NaT"),
+    datetime(2015, 3, 20, 12, tzinfo=UTC), pd.date_range("2015-03-20 12:00", periods=2),
+])  # fmt: skip
+def test_what_is_no_local_standard_time_is_refused(when):
+    with pytest.raises(InputError, match="give month, day and local standard time"):
+        instant_of(when)
+
+
+@pytest.mark.parametrize("size", [24, np.int64(24), (24, 12), np.array([24, 12])])
+def test_sizes_are_columns_or_columns_and_rows(size):
+    view = PictureView("equidistant")
+    assert shape_of(view, size) == ((24, 24) if np.ndim(size) == 0 else (12, 24))
+
+
+@pytest.mark.parametrize("size", ["24", "24x12", 24.0, None, (24, 12, 3), 0, (10**5, 10**5)])
+def test_sizes_that_are_none_are_refused(size):
+    with pytest.raises(InputError, match="picture: size"):
+        shape_of(PictureView("equidistant"), size)
