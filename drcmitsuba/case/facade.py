@@ -95,6 +95,8 @@ class Facade(Table):
                 refuse(strip, got, f"count from 0 to {self.segments - 1}")
             pane = min(width / self.segments, strip.top - strip.bottom) - self.frame
             if pane < THINNEST - 1e-9 and strip.material != "wall":
+                if not self.frame:
+                    refuse(strip, f"panes of {pane:.2g} m", f"give {THINNEST:g} m or more")
                 got = f"a frame of {self.frame:g} m leaves no pane"
                 refuse(strip, got, "give a narrower frame, fewer segments or a higher strip")
         for _, strips in self.columns():

@@ -13,6 +13,7 @@ from rich.table import Table
 from drcmitsuba.cli.options import CaseName, Output, Weather, load, option
 from drcmitsuba.cli.terminal import percent, show, show_notes, stages
 from drcmitsuba.runtime.errors import InputError, on_a_line
+from drcmitsuba.runtime.folder_lock import locked
 from drcmitsuba.runtime.progress import rough
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ def glare(
     points = [_point(text) for text in around] if around else None
     rule = Rule(threshold=threshold, constants=PAPER if paper else EVALGLARE)
     loaded = load(case, weather)
-    with stages() as stage:
+    with locked(output), stages() as stage:
         result = run(loaded, points, rule=rule, stage=stage, told=partial(_tell, loaded.accuracy))
         result.save(output, stage)
     numbers = result.numbers()

@@ -12,6 +12,7 @@ from rich.table import Table
 from drcmitsuba.cli.options import Output, Weather, argument, load
 from drcmitsuba.cli.terminal import percent, show, show_notes, stages
 from drcmitsuba.runtime.errors import on_a_line
+from drcmitsuba.runtime.folder_lock import locked
 
 if TYPE_CHECKING:
     from drcmitsuba.annual.result import Result
@@ -42,7 +43,7 @@ def optimise(
     is_tilt = loaded.design is not None and loaded.design.component is not None
     from drcmitsuba.plan import without_rounds
 
-    with stages() as stage:
+    with locked(output), stages() as stage:
         notes = (_tilt if is_tilt else _facade)(loaded, output, stage)
     show_notes(dict.fromkeys([*notes, *without_rounds(loaded.accuracy.goal)]))
     print(f"results are in {output}")

@@ -8,13 +8,14 @@ from rich.table import Table
 
 from drcmitsuba.cli.options import CaseName, Output, Weather, load
 from drcmitsuba.cli.terminal import percent, show, show_notes, stages
+from drcmitsuba.runtime.folder_lock import locked
 
 
 def season(case: CaseName, output: Output = Path("season"), weather: Weather = None) -> None:
     """Compare msDA of each month with clear glazing and with an open window, to show the season."""
     from drcmitsuba.annual.season import season as compare
 
-    with stages() as stage:
+    with locked(output), stages() as stage:
         shares = compare(load(case, weather), stage)
         with stage("writing"):
             shares.save(output)

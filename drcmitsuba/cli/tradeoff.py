@@ -12,6 +12,7 @@ from rich.table import Table
 from drcmitsuba.cli.options import CaseName, Output, Weather, load, option
 from drcmitsuba.cli.terminal import show, stages
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.folder_lock import locked
 
 if TYPE_CHECKING:
     from drcmitsuba.annual.tradeoff import Tradeoff
@@ -39,7 +40,7 @@ def tradeoff(
         (output / "tradeoff.png").unlink(missing_ok=True)  # of another table
         so_far.save_csv(output)
 
-    with stages() as stage:
+    with locked(output), stages() as stage:
         measured = measure(loaded, minutes, stage, keep, print)
         measured.save(output)
     title = f"{escape(measured.name)}: what accuracy costs"

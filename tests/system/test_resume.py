@@ -187,7 +187,8 @@ def test_a_damaged_block_is_made_again_with_a_line(case, tmp_path, monkeypatch, 
     assert_identical(folder, tmp_path / "again")
 
 
-def test_two_runs_on_one_folder_do_not_meet(case, tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize("verb", ["evaluate", "optimise", "glare", "season", "tradeoff"])
+def test_two_runs_on_one_folder_do_not_meet(verb, case, tmp_path, monkeypatch, capsys):
     holder = (
         "import sys, time; from pathlib import Path; from drcmitsuba.runtime.folder_lock import "
         "locked\nwith locked(Path(sys.argv[1])): print('held', flush=True); time.sleep(60)"
@@ -197,7 +198,7 @@ def test_two_runs_on_one_folder_do_not_meet(case, tmp_path, monkeypatch, capsys)
         try:
             assert process.stdout.readline() == "held\n"
             with pytest.raises(SystemExit) as stop:
-                run(monkeypatch, "evaluate", case, "-o", tmp_path / "results")
+                run(monkeypatch, verb, case, "-o", tmp_path / "results")
         finally:
             process.kill()
     assert stop.value.code == 2

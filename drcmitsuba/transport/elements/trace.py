@@ -158,7 +158,8 @@ class ElementTrace:
             raise InputError(case.source, "groups", got, remedy)
         if groups.starts[-1] > MOST_ELEMENTS:
             got = f"{groups.starts[-1]} fills of all openings"
-            raise InputError(case.source, "elements", got, f"take at most {MOST_ELEMENTS} together")
+            remedy = f"take at most {MOST_ELEMENTS} together: fewer tiles, groups or materials"
+            raise InputError(case.source, "openings", got, remedy)
         points, normals = prepared(case).receivers.at() if receivers is None else receivers
         label = groups.label([HIDDEN] * len(groups))
         hidden = scene.load(case, label, channel, effects, openings)
