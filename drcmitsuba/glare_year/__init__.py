@@ -35,8 +35,8 @@ eye_samples, element_sampler
     What reaches the eyes in a façade; averages over rounds.
 rounds
     Further samples until the target of the case.
-searched_eyes
-    DGP as a function of shares of fills, with derivatives, for searches.
+joined_sources, searched_eyes
+    Sources of a searched façade that join; DGP as a function of shares of fills, with derivatives, for searches.
 result
     `GlareYear`: shares of the hours, classes of EN 17037, files and pictures.
 """

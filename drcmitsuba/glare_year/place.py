@@ -16,7 +16,7 @@ from drcmitsuba.glare_year.luminances import Luminances, PixelRows
 from drcmitsuba.glare_year.rule import Rule
 from drcmitsuba.glare_year.seen import Seen, SeenSurfaces, seen
 from drcmitsuba.glare_year.seen_ends import eye_paths
-from drcmitsuba.glare_year.sources import contrast_sums
+from drcmitsuba.glare_year.sources import bright_light, contrast_sums
 from drcmitsuba.glare_year.surface_light import (
     LightRows,
     SurfacesByElement,
@@ -64,24 +64,44 @@ class PlaceInFacade:
         """
         known, frames = self.known, self.known.seen.frames
         out = np.zeros((len(self.views), len(times)))
-        whole = known.is_whole[times]
         tiles = known.seen.tiles.opened(rule.opening)
-        shining = known.may_exceed(rule.least)[times] & (len(tiles) > 0)  # some are ever bright
-        step = max(64, LUMINANCES // max(1, len(known.seen.directions)))
-        for some in (np.flatnonzero(shining & whole), np.flatnonzero(shining & ~whole)):
-            for start in range(0, len(some), step):
-                here = some[start : start + step]
-                hours = times[here]
-                L = known.rows(hours)
-                limit, parts = self._limit(L, frames, rule), [(1.0, L)]
-                if not whole[here[0]]:
-                    parts = [(known.shares[hours, e], known.rows(hours, e))
-                             for e in known.elements(hours)]  # fmt: skip
-                for share, part in parts:
-                    own = contrast_sums(part, tiles, frames, limit, rule.peak)
-                    out[:, here] += share * own
+        for here in self._at_once(rule, times):
+            hours = times[here]
+            L = known.rows(hours)
+            limit, parts = self._limit(L, frames, rule), [(1.0, L)]
+            if not known.is_whole[hours[0]]:
+                parts = [(known.shares[hours, e], known.rows(hours, e))
+                         for e in known.elements(hours)]  # fmt: skip
+            for share, part in parts:
+                own = contrast_sums(part, tiles, frames, limit, rule.peak)
+                out[:, here] += share * own
         out += self._of_suns(times, rule.least)
         return out.T, (out + self._sharp(times)).T
+
+    def light(self, rule: Rule) -> tuple[np.ndarray, np.ndarray]:
+        """Light of all that is bright, (5, view, time) as from `bright_light`, and Σ L² ω / P² of
+        peaks and suns (view, time), in a façade of one fill in each opening, at all time stamps.
+        """
+        known, times = self.known, np.arange(len(self.known.sky))
+        tiles, frames = known.seen.tiles.opened(rule.opening), known.seen.frames
+        light, peaks = np.zeros((5, len(frames), len(times))), self._of_suns(times, rule.least)
+        for hours in self._at_once(rule, times):
+            L = known.rows(hours)
+            light[..., hours] = bright_light(L, tiles, self._limit(L, frames, rule), rule.peak)
+            above = np.full(len(hours), rule.peak)
+            peaks[:, hours] += contrast_sums(L, tiles, frames, above, np.inf)
+        return light, peaks
+
+    def _at_once(self, rule: Rule, times: np.ndarray) -> Iterator[np.ndarray]:
+        """Positions of time stamps at which something may be bright, some of them at once.
+
+        Those at which fills share openings come by themselves.
+        """
+        known, count = self.known, len(self.known.seen.directions)
+        shining = known.may_exceed(rule.least)[times] & (len(known.seen.tiles) > 0)
+        step, whole = max(64, LUMINANCES // max(1, count)), known.is_whole[times]
+        for some in (np.flatnonzero(shining & whole), np.flatnonzero(shining & ~whole)):
+            yield from (some[start : start + step] for start in range(0, len(some), step))
 
     def _limit(self, L: PixelRows, frames: np.ndarray, rule: Rule) -> np.ndarray:
         """Luminance above which a pixel is bright [cd/m²], (hour,) or (view, hour)."""
@@ -171,21 +191,17 @@ class SeenPlace:
         shown = self.seen
         return sorted({*shown.sky, *shown.by_films.tolist(), *shown.by_images.tolist()})
 
-    def sums_by(self, element: int, rule: Rule) -> np.ndarray:
-        """Σ L² ω / P² over the sources that are seen by the whole of one element alone.
+    def light_by(self, element: int, rule: Rule) -> tuple[np.ndarray, np.ndarray]:
+        """Light that is seen by the whole of one element alone, as from `PlaceInFacade.light`.
 
         Surfaces are left out.
-
-        Returns
-        -------
-        np.ndarray, shape (time, view)
         """
         times = len(self.sky)
         shares = np.zeros((times, max(self.seen.starts, default=0) + 1))
         shares[:, element] = 1
         none = self.light.of_points(np.full(len(self.seen.surfaces.points), -1)).in_facade(shares)
         known = Luminances(self.seen, self.sky, self.sun, self.sun_index, none, shares)
-        return PlaceInFacade(self.views, known).sums(rule, np.arange(times))[0]
+        return PlaceInFacade(self.views, known).light(rule)
 
     def of_sources(self, least: float) -> SeenPlace:
         """Place with only those tiles that may be brighter than `least` [cd/m²] at some hour."""

@@ -2,18 +2,19 @@ r"""DGP of the eyes of a case as a function of shares of fills, with derivatives
 
 With the shares w of elements, an opening with one fill each, and their factors f,
 
-.. math:: S(w) = \sum_e w_e f_e^2 S_e
+.. math:: S(w) = \sum_J S_J + \sum_e w_e f_e^2 S_e
           + \sum_p w_{e(p)}\, b(L_p)\, L_p^2 \frac{\omega_p}{P_p^2}, \qquad
           L_p = f_{e(p)} \sum_e w_e f_e L_{p,e}
 
-with the sums S_e over the glare sources that are seen by the element e alone, and the surfaces p
-that are seen, each in an element e(p) or in none, whose luminances are sums over elements, too.
+with the sources S_J of sky and films that join (`joined_sources`), the sums S_e over the suns and
+the peaks that are seen by the element e alone, and the surfaces p that are seen, each in an element
+e(p) or in none, whose luminances are sums over elements, too.
 b is 1 where a luminance is above the threshold of glare sources. The illuminance at the eyes is
 that of `SmoothYear`.
 
-Limits: sources of two tiles, or of a tile and a surface beside it, do not join. Where their
-luminance is the same, the sum is: that of joined sources has the mean of their luminances. A sun
-behind a pane of a small share is a source of that share, not one for a part of the hours.
+Limits: surfaces do not join with what is beside them. Sources join where all that elements show is
+bright. A sun behind a pane of a small share is a source of that share, not one for a part of the
+hours.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from drcmitsuba.case.groups import APPLIED
 from drcmitsuba.glare_year.by_element import ElementTracing
 from drcmitsuba.glare_year.element_sampler import samples_of
 from drcmitsuba.glare_year.eyes import Eyes, eyes
+from drcmitsuba.glare_year.joined_sources import JoinedSources, groups_of, joined_sources
 from drcmitsuba.glare_year.place import SeenPlace
 from drcmitsuba.glare_year.result import CLASSES, GlareYear
 from drcmitsuba.glare_year.rule import Rule
@@ -83,8 +85,10 @@ class SearchedEyes:
     channels: tuple[tuple[float, SmoothYear], ...]
     """Weight in luminance, and illuminance at the eyes, of every colour channel."""
     sources: tuple[np.ndarray, Rows]
-    """Elements by which sources are seen, the number of all for none, and their sums S_e, flat
-    (time, view) [cd²/m⁴ sr]."""
+    """Elements by which suns and peaks are seen, the number of all for none, and their sums S_e,
+    flat (time, view) [cd²/m⁴ sr]."""
+    joined: tuple[JoinedSources, ...]
+    """Sources that join."""
     surfaces: tuple[_Surfaces, ...]
     """Surfaces of every place."""
     counted: np.ndarray
@@ -96,27 +100,32 @@ class SearchedEyes:
         closings: Sequence[np.ndarray], stage: Stage,
     ) -> SearchedEyes:  # fmt: skip
         """Trace the eyes; `is_open` and `closings` are as for `SmoothYear.of`."""
-        light = tracing.light
         with stage("eyes") as done:
             channels = tracing.light_at_eyes(looking, done, kept=1)
-        years = [SmoothYear.of(each, light, is_open, closings) for each in channels]
+        years = [SmoothYear.of(each, tracing.light, is_open, closings) for each in channels]
         weights, count = channel_weights(len(years)), tracing.openings.starts[-1]
-        times, views = light.sky.sizes["time"], len(looking)
-        sums: dict[int, np.ndarray] = {}
+        times, views = tracing.light.sky.sizes["time"], len(looking)
+        sums, light, groups = (dict[int, np.ndarray]() for _ in range(3))
         surfaces, judged = [], 0
         with stage("what is seen") as done:
             for place in _few(tracing).places(looking, RULE.least):
-                for element in place.sources:
-                    S = sums.setdefault(element, np.zeros((times, views), np.float32))
-                    S[:, place.views] = place.sums_by(element, RULE)
+                of_place = groups_of(place.seen, place.sources)
+                for element, group in zip(place.sources, of_place.T, strict=True):
+                    number = count if element == BESIDES else element
+                    bright, peaks = place.light_by(element, RULE)
+                    for known, values in ((light, bright), (sums, peaks[None])):
+                        shape = len(values), times, views
+                        known.setdefault(number, np.zeros(shape, np.float32))
+                        known[number][..., place.views] = values.swapaxes(1, 2)
+                    groups.setdefault(number, np.full(views, -1))[place.views] = group
                 surfaces.append(_surfaces(place, len(looking), count))
                 judged += len(place.views)
                 done(judged / views)
-        numbers = np.array([count if e == BESIDES else e for e in sums], int)
         return cls(
             tracing, looking, tuple(zip(weights, years, strict=True)),
-            (numbers, tuple(flat(S) for S in sums.values())), tuple(surfaces),
-            bright_hours(light.sky),
+            (np.array([*sums], int), tuple(flat(S[0]) for S in sums.values())),
+            joined_sources(light, groups, looking.frames), tuple(surfaces),
+            bright_hours(tracing.light.sky),
         )  # fmt: skip
 
     def at(self, hours: np.ndarray) -> SearchedEyes:
@@ -129,6 +138,7 @@ class SearchedEyes:
             self,
             channels=tuple((weight, year.at(hours)) for weight, year in self.channels),
             sources=(numbers, tuple(dr.gather(mi.Float, S, entries) for S in sums)),
+            joined=tuple(each.at(entries) for each in self.joined),
             surfaces=tuple(_at(each, place, views) for each in self.surfaces),
             counted=self.counted[hours],
         )
@@ -191,6 +201,8 @@ class SearchedEyes:
         """S by shares of elements, flat (time, view)."""
         numbers, rows = self.sources
         S = dr.zeros(mi.Float, len(self.counted) * len(self.looking))
+        for joined in self.joined:
+            S += joined.sums(shares, factors)
         if len(rows):
             S += mixed(rows, _taken(shares * factors * factors, numbers))
         for place in self.surfaces:

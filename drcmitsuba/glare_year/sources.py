@@ -101,6 +101,40 @@ def contrast_sums(
     return out
 
 
+def bright_light(
+    light: PixelRows, tiles: EyeTiles, threshold: np.ndarray, peak: float
+) -> np.ndarray:
+    """Light of all that is bright before the views of `tiles`, without peaks.
+
+    Parameters are those of `contrast_sums`, with a threshold (hour,).
+
+    Returns
+    -------
+    np.ndarray, shape (5, view, hour)
+        Sums of direction · luminance · solid angle by axis and of luminance · solid angle
+        [cd/m² sr], and of solid angles [sr].
+    """
+    out = np.zeros((5, len(tiles.forward), light.hours))
+    bright = next(bright_tiles(light, tiles, threshold, peak), None)  # peaks come after the rest
+    if bright is not None:
+        of_tiles = _light_of(bright, tiles)
+        for view, ahead in enumerate(tiles.ahead):
+            before = dr.gather(mi.Bool, mi.Bool(ahead), bright.tile)
+            sums = of_tiles.added(bright.hour, light.hours, before)
+            out[:, view] = *(axis.numpy() for axis in sums.flux), sums.solid_angle.numpy()
+    return out
+
+
+def _light_of(bright: BrightTiles, tiles: EyeTiles) -> SourceLight:
+    """Sums over the bright rays of each tile."""
+    direction = dr.gather(mi.Vector3f, flat(tiles.direction), bright.tile)
+    flux = tiles.solid_angle * mi.Float64(bright.total)
+    return SourceLight(
+        tiles.solid_angle * mi.Float64(bright.count),
+        mi.Vector4d(*(flux * mi.Float64(axis) for axis in direction), flux),
+    )
+
+
 def _parts(bright: BrightTiles, tiles: EyeTiles) -> SourceParts:
     """Parts that bright tiles make."""
     alike, others = tiles.links
@@ -108,15 +142,9 @@ def _parts(bright: BrightTiles, tiles: EyeTiles) -> SourceParts:
     is_root = root == dr.arange(mi.UInt32, dr.width(root))
     part = dr.gather(mi.UInt32, dr.cumsum(dr.select(is_root, mi.UInt32(1), 0)) - 1, root)
     tops = dr.compress(is_root)
-    direction = dr.gather(mi.Vector3f, flat(tiles.direction), bright.tile)
-    flux = tiles.solid_angle * mi.Float64(bright.total)
-    light = SourceLight(
-        tiles.solid_angle * mi.Float64(bright.count),
-        mi.Vector4d(*(flux * mi.Float64(axis) for axis in direction), flux),
-    )
     tile, hour = (dr.gather(mi.UInt32, values, tops) for values in (bright.tile, bright.hour))
     across = _across(bright, others, len(tiles), part)
-    return SourceParts(tile, hour, light.added(part, dr.width(tops)), *across)
+    return SourceParts(tile, hour, _light_of(bright, tiles).added(part, dr.width(tops)), *across)
 
 
 def _joined(bright: BrightTiles, links: Links, tiles: int) -> mi.UInt32:
