@@ -36,7 +36,8 @@ eye_samples, element_sampler
 rounds
     Further samples until the target of the case.
 joined_sources, searched_eyes
-    Sources of a searched façade that join; DGP as a function of shares of fills, with derivatives, for searches.
+    Sources of a searched façade that join; DGP as a function of shares of fills, with derivatives,
+    for searches.
 result
     `GlareYear`: shares of the hours, classes of EN 17037, files and pictures.
 """
