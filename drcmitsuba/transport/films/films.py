@@ -43,10 +43,17 @@ from drcmitsuba.transport.films.orientation import Mount, mounts
 from drcmitsuba.transport.films.peaks import Peaks, take_out
 from drcmitsuba.transport.films.sums import summed, widened
 from drcmitsuba.transport.light.products import rows_of
-from drcmitsuba.transport.panes.patches import PanePatches
+from drcmitsuba.transport.panes.patches import PanePatches, times_narrower
 from drcmitsuba.transport.panes.transfer import looks
 from drcmitsuba.transport.rays.openings import Within
 
+MOST_ROWS = 1 << 18
+"""Largest number of outgoing cells of all patches that are narrow: a row of the table of the sky
+each."""
+NEAR = 3.0
+"""Distance from a film's plane within which surfaces that shade it ask for narrow patches [m]."""
+LEAST = 8
+"""Least number of directions for every cell of a narrow patch."""
 FEW_ROWS = 48
 """Number of outgoing cells per direction to an exposed film up to which its light is a product."""
 
@@ -83,6 +90,8 @@ class Films:
     mounts: tuple[Mount, ...]
     patches: PanePatches
     """Patches, owned by their mount."""
+    fineness: tuple[int, ...]
+    """Times that patches of each mount are narrower than those of panes that nothing shades."""
     suns: np.ndarray
     """Indices of the suns that may shine on a film, int, shape (lit,)."""
     directions: np.ndarray
@@ -96,9 +105,12 @@ class Films:
         if not scene.films:
             return None
         mounted = tuple(mounts(scene))
-        patches = PanePatches.of([m.quads for m in mounted], size)
+        every = [m.quads for m in mounted]
+        most = MOST_ROWS // max(m.rows for m in mounted)
+        fineness = tuple(times_narrower(every, scene.corners, size, most, NEAR))
+        patches = PanePatches.of(every, [size / k for k in fineness])
         none = np.zeros(0, int), np.zeros((0, 3))
-        return cls(scene, mounted, patches, *none, diameter).with_suns(suns, diameter)
+        return cls(scene, mounted, patches, fineness, *none, diameter).with_suns(suns, diameter)
 
     def with_suns(self, suns: np.ndarray, diameter: float) -> Films:
         """Return the same films under other suns: unit vectors (sun, 3), angle across [deg]."""
@@ -160,16 +172,19 @@ class Films:
         return np.append(end - rows, end[-1])
 
     def answer_to_sky(self, subdivision: int | None, samples: int, seed: int) -> mi.TensorXf:
-        """Estimate `LitFilms.to_sky`, shape (row, bin), by `samples` directions for every cell."""
+        """Estimate `LitFilms.to_sky`, shape (row, bin), by `samples` directions for every cell.
+
+        Narrower patches share the directions of a wide one.
+        """
         first = self.first_sky_rows()
         if not subdivision:
             return dr.zeros(mi.TensorXf, (int(first[-1]), 0))
         tables = []
         for patch in np.unique(first[:-1], return_index=True)[1]:
-            mount, key = self.mounts[self.patches.owner[patch]], seed + 7919 * int(patch)
-            tables.append(
-                sky_answer(self.scene, self.patches, mount, int(patch), subdivision, samples, key)
-            )
+            owner, key = self.patches.owner[patch], seed + 7919 * int(patch)
+            own = max(min(samples, LEAST), samples // self.fineness[owner] ** 2)
+            of_patch = self.patches, self.mounts[owner], int(patch)
+            tables.append(sky_answer(self.scene, *of_patch, subdivision, own, key))
         return mi.TensorXf(dr.concat(tables), (int(first[-1]), len(Patches(subdivision))))
 
     def rows(self, patch: mi.UInt32, d: mi.Vector3f, front: mi.Bool) -> tuple[mi.UInt32, mi.Bool]:

@@ -21,7 +21,7 @@ from drcmitsuba.scene.scene import ScenePart
 MOST_PATCHES = 1 << 19
 """Largest number of patches."""
 FINE, MOST_FINE = 3, 1024
-"""Patches of panes that surfaces beyond their plane may shade are up to so many times smaller, as
+"""Patches of panes that surfaces beyond their plane may shade are up to so many times narrower, as
 long as there are no more of them."""
 BEYOND = 0.01
 """Distance from the plane of a pane from which on a surface may shade it [m]."""
@@ -45,20 +45,37 @@ def patch_sizes(panes: Sequence[ScenePart], corners: np.ndarray, size: float) ->
     size : float
         Width of patches of panes that nothing shades [m].
     """
-    shaded = [_may_be_shaded(pane.quads, corners) for pane in panes]
-    both = [*zip(panes, shaded, strict=True)]
-    area = sum(float(areas(pane.quads).sum()) for pane, is_shaded in both if is_shaded)
-    fits = (k for k in range(FINE, 1, -1) if area * (k / size) ** 2 <= MOST_FINE)
+    fineness = times_narrower([pane.quads for pane in panes], corners, size, MOST_FINE)
+    return [size / max(1 + p.indoors, k) for p, k in zip(panes, fineness, strict=True)]
+
+
+def times_narrower(
+    groups: Sequence[np.ndarray], corners: np.ndarray, size: float, most: int,
+    reach: float = np.inf,
+) -> list[int]:  # fmt: skip
+    """Times that patches of groups of panes, (pane, 4, 3) each, are narrower than `size` [m].
+
+    It is 1 of those that no surface shades, by its corners (corner, 3) [m] within `reach` [m] of a
+    pane's plane; the others have `most` patches together.
+    """
+    shaded = [_may_be_shaded(quads, corners, reach) for quads in groups]
+    area = sum(
+        float(areas(q).sum()) for q, is_shaded in zip(groups, shaded, strict=True) if is_shaded
+    )
+    fits = (k for k in range(FINE, 1, -1) if area * (k / size) ** 2 <= most)
     fine = next(fits, 1)
-    return [size / max(1 + pane.indoors, fine if is_shaded else 1) for pane, is_shaded in both]
+    return [fine if is_shaded else 1 for is_shaded in shaded]
 
 
-def _may_be_shaded(quads: np.ndarray, corners: np.ndarray) -> bool:
-    """Whether any surface lies beyond the plane of a pane (quad, 4, 3)."""
-    normals = unit_normals(quads)
-    every, of_quad = np.unique(normals.round(6), axis=0, return_inverse=True)
-    nearest = (corners @ every.T).min(axis=0)[of_quad.reshape(-1)]
-    return bool((nearest < (quads[:, 0] * normals).sum(axis=1) - BEYOND).any())
+def _may_be_shaded(quads: np.ndarray, corners: np.ndarray, reach: float) -> bool:
+    """Whether any surface lies beyond the plane of a pane (quad, 4, 3), within `reach` [m]."""
+    every, of_quad = np.unique(unit_normals(quads).round(6), axis=0, return_inverse=True)
+    for k, normal in enumerate(every):
+        at, plane = np.sort(corners @ normal), quads[of_quad.reshape(-1) == k, 0] @ normal
+        first, last = np.searchsorted(at, plane - reach), np.searchsorted(at, plane - BEYOND)
+        if (last > first).any():
+            return True
+    return False
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from drcmitsuba import load_case
+from drcmitsuba.case.furniture import Furniture
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.random_streams import Stream
 from drcmitsuba.scene import scene
@@ -219,6 +220,30 @@ def test_light_of_films_apart_from_cells_is_the_same(case, world, monkeypatch):
     summed = values()
     np.testing.assert_allclose(apart, joined, rtol=1e-3, atol=1e-8)
     np.testing.assert_allclose(apart, summed, rtol=1e-2, atol=1e-8)
+
+
+def test_a_film_under_a_roof_has_narrow_patches_that_share_directions(case, monkeypatch):
+    def shaded(corner, size):
+        piece = Furniture(name="beyond", corner=corner, size=size, reflectance=0.3)
+        world = scene.load(case.with_tables(furniture=(*case.furniture, piece)), "open")
+        return Films.of(world, 0.9, SUNS, DIAMETER)
+
+    drawn = []
+    monkeypatch.setattr(
+        films_module, "sky_answer",
+        lambda scene, patches, mount, patch, subdivision, samples, seed: (
+            drawn.append(samples) or dr.zeros(mi.Float, mount.rows * 146)
+        ),
+    )  # fmt: skip
+    roof, tower = ((0, -1.2, 3.4), (8.8, 1.2, 0.1)), ((0, -12, 0), (8.8, 1, 9))
+    wide, narrow = shaded(*tower), shaded(*roof)
+    assert (wide.fineness, narrow.fineness) == ((1,), (3,))
+    assert len(narrow.patches) > 6 * len(wide.patches)
+    for films in (wide, narrow):
+        films.answer_to_sky(1, 256, 0)
+    assert drawn == [256] * len(wide.patches) + [28] * len(narrow.patches)
+    monkeypatch.setattr(films_module, "MOST_ROWS", 4 * len(wide.patches) * narrow.mounts[0].rows)
+    assert shaded(*roof).fineness == (2,)
 
 
 def test_replicates_share_answers_to_suns_but_not_the_light(world, case):
