@@ -171,6 +171,8 @@ def _of_shade(
     facades, clear_as_drawn = set[str](), clear_panes(case, panes)
     by_space = case.shading.by_space and panes.spaces
     for g, row in {**first, **bare}.items():
+        if not panes.facings[g]:  # surfaces that a group brings
+            continue
         clear = np.array([clear_as_drawn[g], *map(shade_covers, panes.materials[g])])
         if not row[clear].any():
             continue

@@ -41,6 +41,8 @@ SIDE_BY_SIDE = (
 """Why the folder of a variant has no pictures."""
 MOST_ROWS = 40
 """Largest number of grids in the table."""
+LIGHT = (("ratio", 2), ("cct", 0), ("fidelity", 0))
+"""Columns on the colour of light, and their digits."""
 SHORT = "…"
 """Text between the ends of intervals where many columns share 80 characters."""
 
@@ -119,9 +121,8 @@ def _melanopic_table(numbers: dict) -> list[Table]:
     views = told.get("views", {})
     for name, row in [("sensors", told), *list(views.items())[:MOST_ROWS]]:
         mornings = percent(row["mornings"], SHORT) if "mornings" in row else "–"
-        lit = 3 * ["–"]
-        if "ratio" in row:
-            lit = [f"{row['ratio']:.2f}", f"{row['cct']:.0f}", f"{row['fidelity']:.0f}"]
+        light = [(row.get(key), digits) for key, digits in LIGHT]
+        lit = ["–" if value is None else f"{value:.{digits}f}" for value, digits in light]
         table.add_row(escape(on_a_line(name)), percent(row["autonomy"], SHORT), mornings, *lit)
     if len(views) > MOST_ROWS:
         table.caption = f"{len(views) - MOST_ROWS} more views: metrics.json, melanopic"

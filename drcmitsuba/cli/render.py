@@ -70,7 +70,7 @@ def render(
     case: CaseName,
     view: Annotated[str | None, option("NAME", "View of the case; not needed for one.")] = None,
     time: Annotated[
-        str | None, option("TIME", "Local standard time, as 03-21 10:30.", "--time")
+        list[str] | None, option("TIME", "Local standard time, as 03-21 10:30; or more.", "--time")
     ] = None,
     times: Annotated[
         Path | None, option("FILE", "CSV with a column `time`: one picture for each.")
@@ -121,7 +121,7 @@ def render(
     from drcmitsuba.sky.period import read_timestamps
 
     given = [name for name, is_given in (
-        ("--time", time is not None), ("--times", times is not None), ("--bins", bins)
+        ("--time", bool(time)), ("--times", times is not None), ("--bins", bins)
     ) if is_given]  # fmt: skip
     if len(given) != 1:
         got = " and ".join(given) or "none of them"
@@ -136,7 +136,7 @@ def render(
     if bins and (APPLIED in states or len(states) > 1):
         got = f"--state {' --state '.join(states)} with --bins"
         raise InputError("command line", "--state", got, "bins have no hour: give open or shaded")
-    instants = [] if time is None else [instant_of(time)]
+    instants = list(dict.fromkeys(map(instant_of, time or ())))
     if times is not None:
         instants = list(read_timestamps(times))
     wanted, sampling, notes = _size(size), Sampling(samples=samples), dict[str, None]()

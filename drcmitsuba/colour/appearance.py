@@ -14,6 +14,8 @@ colour = lazy.module("colour")
 
 U, V = np.linspace(0.12, 0.36, 481), np.linspace(0.24, 0.42, 361)
 """Coordinates of the table of temperatures [–]."""
+FARTHEST = 0.05
+"""Largest Duv of light that has a colour temperature, and rendition beside light of it (CIE 15)."""
 
 
 def temperatures(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -42,15 +44,15 @@ def _by_uv() -> tuple[np.ndarray, np.ndarray]:
 
 
 class Appearance(NamedTuple):
-    """Colour of light and of things in it."""
+    """Colour of light and of things in it; None of what light far from any white has not."""
 
-    cct: float
+    cct: float | None
     """Correlated colour temperature [K], after Ohno (2013)."""
-    duv: float
+    duv: float | None
     """Distance from the Planckian locus in CIE 1960 u, v [–]: above it, towards green, positive."""
-    fidelity: float
+    fidelity: float | None
     """Fidelity index R_f of ANSI/IES TM-30-18 [–]."""
-    gamut: float
+    gamut: float | None
     """Gamut index R_g of ANSI/IES TM-30-18 [–]."""
 
     @classmethod
@@ -63,4 +65,6 @@ class Appearance(NamedTuple):
         index = colour.colour_fidelity_index
         with colour.utilities.suppress_warnings(colour_runtime_warnings=True):  # tables are aligned
             made = index(light, additional_data=True, method="ANSI/IES TM-30-18")
-        return cls(float(cct), float(duv), float(made.R_f), float(made.R_g))
+        near = abs(duv) <= FARTHEST
+        every = (cct, duv, made.R_f, made.R_g)
+        return cls(*(float(v) if near and np.isfinite(v) else None for v in every))

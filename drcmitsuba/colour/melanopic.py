@@ -160,7 +160,7 @@ def _bounds(values: list[float]) -> dict[str, float]:
 
 def _colour(
     M: np.ndarray, E: np.ndarray, spectrum: np.ndarray, spectral: xr.Dataset
-) -> dict[str, float]:
+) -> dict[str, float | None]:
     """Melanopic ratio and appearance of the mean light."""
     if not E.sum() > 0:
         return {}

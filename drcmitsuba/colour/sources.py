@@ -49,6 +49,8 @@ TURBIDITIES = np.geomspace(0.01, 0.5, 12)
 is grey."""
 AIR_MASSES = np.geomspace(1.0, 38.0, 24)
 """Relative air masses [–]."""
+LARGEST = 1e12
+"""Largest power of a source at a wavelength, in any unit."""
 OZONE, PRESSURE, WATER = 0.31, 101_325.0, 1.5
 """Ozone [atm·cm], pressure [Pa] and precipitable water [cm] of a usual atmosphere: water absorbs
 little light that one sees."""
@@ -106,10 +108,19 @@ class SourceSpectra:
 
 def _measured(path: Path, bands: Bands) -> np.ndarray:
     """Light of bands of a source whose spectrum a file holds, shape (band, 1)."""
-    measured = read_spectrum(path, bands, most=np.inf)
-    if not measured.values[:, 0].max() > 0:
-        raise InputError(path, "values", "no light", "give the power by wavelength")
-    return bands.relative(measured.wavelengths, measured.values[:, :1])
+    measured = read_spectrum(path, bands, most=LARGEST)
+    power = measured.values[:, :1]
+    if not bands.weights("Y") @ bands.sampled(measured.wavelengths, power) > 0:
+        got = "no visible light at the wavelengths of the bands"
+        raise InputError(path, "values", got, "give the power by wavelength, as wide as a band")
+    return bands.relative(measured.wavelengths, power)
+
+
+def check_sources(case: Case, bands: Bands) -> None:
+    """Refuse unfit files of the sources' spectra before any light is traced."""
+    for path in (case.colour.sky, case.colour.sun):
+        if isinstance(path, Path):
+            _measured(path, bands)
 
 
 @lru_cache(maxsize=1)

@@ -314,9 +314,11 @@ def _pane(material: Any, shape: _Shape) -> dict[str, Any]:
         most = 1.0 if material.ior is None else glass.most(material.ior)
         through = min(_scaled(material.transmittance, shape, "transmittance"), most)
         changed = {"transmittance": through}
-    back = float(shape.values[2]) if len(shape.values) > 2 else 1.0
-    keys = ["reflectance", *["outer_reflectance"] * isinstance(material, DiffuserMaterial)]
-    return changed | {key: min(getattr(material, key) * back, 1 - through) for key in keys}
+    front, back = shape.values[1:3].tolist() if len(shape.values) > 2 else (1.0, 1.0)
+    sides = {"reflectance": back}  # a file's back faces the room
+    if isinstance(material, DiffuserMaterial):
+        sides |= {"outer_reflectance": front}
+    return changed | {k: min(getattr(material, k) * by, 1 - through) for k, by in sides.items()}
 
 
 def _times(share: float | tuple[float, ...], factor: float) -> float | tuple[float, ...]:

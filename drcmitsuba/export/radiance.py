@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from scipy.sparse import csr_matrix
 
+from drcmitsuba.annual.spectral_year import left_out
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, SHADED, State
 from drcmitsuba.case.sun import Adaptive, TrueSun
@@ -112,7 +113,7 @@ def _luminances(light: Daylight) -> tuple[csr_matrix, csr_matrix]:
 
 def _remarks(case: Case) -> list[str]:
     """Parts of a case that the script ignores."""
-    remarks = []
+    remarks = left_out(case)
     if case.effects.overruled:
         remarks.append("Radiance simulates all effects of light, whatever the table [effects] says")
     start, turned = origin(case), clockwise(case)

@@ -13,6 +13,7 @@ from drcmitsuba.case.accuracy import SMALLEST_CELL, Target
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.model_case import notes_on_groups
 from drcmitsuba.colour.bands import Bands
+from drcmitsuba.colour.sources import check_sources
 from drcmitsuba.colour.tints import Tints
 from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.plan import panes
@@ -26,6 +27,8 @@ from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.spaces import box_and_note
 from drcmitsuba.scene.surfaces import surfaces_of
 
+OF_BANDS = ("sky", "sun", "spectra", "melanopic_threshold")
+"""Keys of `[colour]` that bands alone follow."""
 MOST_LOST = 1e-3
 """Part of the photons' flux that may be lost without a note."""
 MOST_SMEARED = 0.1
@@ -135,10 +138,13 @@ def _cell_notes(case: Case) -> list[str]:
 
 
 def colour_notes(case: Case) -> list[str]:
-    """Notes on spectra, which are read and checked; none without bands."""
+    """Notes on spectra, which are read and checked; without bands, on those that take no part."""
     if not case.colour.wavelengths:
-        return []
-    return Tints(case, Bands.of(case.colour.wavelengths)).check(surfaces_of(case))
+        named = [key for key in OF_BANDS if key in case.colour.model_fields_set]
+        return [f"colour: {', '.join(named)} take part with bands = 9 or 27 alone"] * bool(named)
+    bands = Bands.of(case.colour.wavelengths)
+    check_sources(case, bands)
+    return Tints(case, bands).check(surfaces_of(case))
 
 
 def notes(case: Case) -> list[str]:

@@ -26,7 +26,7 @@ _INSTANT = re.compile(r"(?:\d{4}-)?(\d\d-\d\d)[T ](\d\d:\d\d(?::\d\d)?)", re.ASC
 
 
 def instant_of(when: Instant) -> np.datetime64:
-    """Instant that is given; a text names one of the nominal year.
+    """Instant that is given; a text, or a time of pandas or Python, names one of the nominal year.
 
     Raises
     ------
@@ -34,9 +34,9 @@ def instant_of(when: Instant) -> np.datetime64:
         There is no date and time, or one with a time zone.
     """
     if isinstance(when, np.datetime64) and not np.isnat(when):
-        return when
+        return when.astype("datetime64[ns]")
     if isinstance(when, datetime) and when == when and when.tzinfo is None:  # NaT is not itself
-        return np.datetime64(when, "ns")
+        when = f"{when:%m-%d %H:%M:%S}"
     match = _INSTANT.fullmatch(when.strip()) if isinstance(when, str) else None
     try:
         if match:

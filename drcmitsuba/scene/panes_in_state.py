@@ -23,7 +23,7 @@ from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.geometry import SIDES, origin, recentred, rotation, wall
 from drcmitsuba.scene.like_panes import NO_GROUP
 from drcmitsuba.scene.pane_groups import PaneGroups
-from drcmitsuba.scene.panes_of_model import panes_of_model
+from drcmitsuba.scene.panes_of_model import by_side, panes_of_model
 from drcmitsuba.scene.prepared_case import prepared
 
 Quads = list[np.ndarray]
@@ -202,10 +202,13 @@ def grouped_panes(
             if group != NO_GROUP and quads:
                 materials = [front.strip(name, side, i) for i in range(len(states[group]))]
                 found.append((group, np.array(quads), materials, f"{name} {side}"))
-    for i, of_layer in enumerate(panes_of_model(case.building).quads):
+    panes = panes_of_model(case.building)
+    for i, of_layer in enumerate(panes.quads):
         layer, of_quads = case.building.layers[i], front.groups.of_quads[i]
         for group in np.unique(of_quads[of_quads != NO_GROUP]).tolist():
-            materials = [front.layer(layer, group, k) for k in range(len(states[group]))]
-            quads = of_layer[of_quads == group] - origin(case)
-            found.append((group, quads, materials, layer.name))
+            own = tuple(front.layer(layer, group, k) for k in range(len(states[group])))
+            for some, fills in by_side(own, panes.turned[i]):
+                quads = of_layer[(of_quads == group) & some] - origin(case)
+                if len(quads):
+                    found.append((group, quads, list(fills), layer.name))
     return [GroupedPanes(group, quads @ turn.T, tuple(m), name) for group, quads, m, name in found]

@@ -6,6 +6,7 @@ the ground is the room's; a pane from which no ray escapes on either side stands
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -13,7 +14,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.model.materials import FacedBsdf
+from drcmitsuba.model.materials import FacedBsdf, SurfaceMaterial
 from drcmitsuba.model.model import Model, ModelShape, areas
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import even_numbers
@@ -51,8 +52,9 @@ class ModelPanes:
     width: np.ndarray
     """Area over the longer edge of that rectangle [m], shape (polygon,)."""
     quads: tuple[np.ndarray, ...]
-    """Quads of every layer of the model, those of panes with their fronts towards the room; films
-    of the model's own keep the fronts that they have."""
+    """Quads of every layer of the model, those of panes with their fronts towards the room."""
+    turned: tuple[np.ndarray, ...]
+    """Whether each of these quads has its front where its back was drawn, bool, shape (quad,)."""
 
 
 def panes_of_model(model: Model) -> ModelPanes:
@@ -72,7 +74,8 @@ def _panes_of(shape: ModelShape) -> ModelPanes:
             mine = np.split(order, first[1:])
             members += [(i, int(p), own) for p, own in zip(polygons, mine, strict=True)]
     is_pane = [layer.role == "pane" for layer in model.layers]
-    turned = [x.quads.copy() if p else x.quads for x, p in zip(model.layers, is_pane, strict=True)]
+    quads = [x.quads.copy() if p else x.quads for x, p in zip(model.layers, is_pane, strict=True)]
+    turned = [np.zeros(len(layer.quads), bool) for layer in model.layers]
     if not members:
         empty = np.zeros((0, 4, 3))
         return ModelPanes(
@@ -83,6 +86,7 @@ def _panes_of(shape: ModelShape) -> ModelPanes:
             empty[:, 0],
             empty,
             np.zeros(0),
+            tuple(quads),
             tuple(turned),
         )
     escaping = _escaping(all_surfaces(model, mi.variant()), model, members)
@@ -90,16 +94,12 @@ def _panes_of(shape: ModelShape) -> ModelPanes:
     sides = _sides_of_hidden(model, members, escaping, is_outside)
     front, frames, width = [], [], []
     for (i, _, own), (before, behind) in zip(members, sides, strict=True):
-        inward = normals(turned[i][own[:1]])[0]
         if before > behind:
-            inward = -inward
-            # Of a film of the model's own, the corners say which side is which.
-            if not isinstance(model.layers[i].material, FacedBsdf):
-                turned[i][own] = reversed_quads(turned[i][own])
-        front.append(inward)
-        frames.append(rectangle_around(turned[i][own].reshape(-1, 3), front[-1]))
+            quads[i][own], turned[i][own] = reversed_quads(quads[i][own]), True
+        front.append(normals(quads[i][own[:1]])[0])
+        frames.append(rectangle_around(quads[i][own].reshape(-1, 3), front[-1]))
         longest = np.linalg.norm(frames[-1][[1, 3]] - frames[-1][0], axis=1).max()
-        width.append(areas(turned[i][own]).sum() / longest)
+        width.append(areas(quads[i][own]).sum() / longest)
     turned_north = np.array(front) @ turn(-model.north).T
     facing = tuple(map(side_name, turned_north, is_outside.tolist()))
     of_layer, polygon = (np.array([member[k] for member in members]) for k in (0, 1))
@@ -111,8 +111,29 @@ def _panes_of(shape: ModelShape) -> ModelPanes:
         np.array(front),
         np.array(frames),
         np.array(width),
+        tuple(quads),
         tuple(turned),
     )
+
+
+Materials = tuple[SurfaceMaterial | None, ...]
+
+
+def by_side(materials: Materials, turned: np.ndarray) -> Iterator[tuple[np.ndarray, Materials]]:
+    """Yield quads, bool (quad,), and their materials, by whether they are `ModelPanes.turned`.
+
+    Of a film of the model's own, the corners as drawn say which side is which; all others have the
+    same materials on all quads.
+    """
+    if not any(isinstance(material, FacedBsdf) for material in materials):
+        yield np.ones(len(turned), bool), materials
+        return
+    yield ~turned, materials
+    flipped = (
+        m.model_copy(update={"flip": not m.flip}) if isinstance(m, FacedBsdf) else m
+        for m in materials
+    )
+    yield turned, tuple(flipped)
 
 
 @lru_cache(maxsize=1)

@@ -41,7 +41,7 @@ from drcmitsuba.scene.like_panes import NO_GROUP
 from drcmitsuba.scene.materials import lets_through
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_in_state import PanesInState
-from drcmitsuba.scene.panes_of_model import panes_of_model
+from drcmitsuba.scene.panes_of_model import by_side, panes_of_model
 from drcmitsuba.scene.sun_visibility import reaches_in
 
 NEAR = 1e-5
@@ -177,12 +177,13 @@ def _model_surfaces(case: Case, front: PanesInState) -> list[Surface]:
         indoors = np.isin(layer.polygon, panes.polygon[~panes.outside & (panes.layer == i)])
         for group, within in sorted({*zip(groups.tolist(), indoors.tolist(), strict=True)}):
             is_grouped = group != NO_GROUP
-            material = front.layer(layer, group) if is_grouped else front.rest(layer)
-            if material is not None:
-                mine = quads[(groups == group) & (indoors == within)] - start
-                made.append(
-                    Surface(layer.name, material, mine, behind=layer.behind, indoors=within)
-                )
+            own = front.layer(layer, group) if is_grouped else front.rest(layer)
+            for side, (material,) in by_side((own,), panes.turned[i]):
+                mine = quads[(groups == group) & (indoors == within) & side] - start
+                if material is not None and len(mine):
+                    made.append(
+                        Surface(layer.name, material, mine, behind=layer.behind, indoors=within)
+                    )
     for layer in layers:
         index = front.index_of(layer.group)
         if index > 0 and front.follows_model(layer.group):

@@ -140,6 +140,8 @@ class SunCells(NamedTuple):
         """
         out = self.answer.to_suns(values)
         rows, suns = out.shape
+        if not rows:  # no path met a pane that reflects
+            return out
         row, sun = row_and_column(dr.arange(mi.UInt32, rows * suns), suns)
         replicate, _ = row_and_column(row, rows * suns // dr.width(self.shone))
         at = replicate * dr.opaque(mi.UInt32, suns) + sun
