@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from drcmitsuba.case.case import Case
     from drcmitsuba.report.scene_view import DrawnSurfaces
 
+LONGEST = 30
+"""Largest number of letters of a pane's name in the picture."""
+
 
 def case(case: CaseName, output: Output = Path(), weather: Weather = None) -> None:
     """Draw a scene before it is simulated; of a model alone, write the case file to edit."""
@@ -114,7 +117,8 @@ def _drawn(case: Case) -> tuple[list[DrawnSurfaces], list[str]]:
             quads = quads[[quad.tobytes() not in grouped for quad in quads]]
         drawn.append(DrawnSurfaces(kind, quads))
     sides = used(case)
-    panes = [f"{n}: {a:.2f} m², {', '.join(sides.get(n, ()))}" for n, a in size.items()]
+    named = ((n if len(n) <= LONGEST else n[: LONGEST - 1] + "…", n, a) for n, a in size.items())
+    panes = [f"{short}: {a:.2f} m², {', '.join(sides.get(n, ()))}" for short, n, a in named]
     placed = [one._replace(quads=in_file(case, one.quads)) for one in (*drawn, *by_group)]
     return placed, panes
 

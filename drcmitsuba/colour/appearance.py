@@ -60,10 +60,14 @@ class Appearance(NamedTuple):
         """Appearance of light from its amount in every band, per that of D65, shape (band,)."""
         power = (spectrum @ bands.splines) * d65()
         xyz = np.array([responses()[name] @ power for name in TRISTIMULUS])
-        cct, duv = colour.temperature.uv_to_CCT_Ohno2013(colour.UCS_to_uv(colour.XYZ_to_UCS(xyz)))
         light = colour.SpectralDistribution(dict(zip(GRID, np.maximum(power, 0), strict=True)))
         index = colour.colour_fidelity_index
-        with colour.utilities.suppress_warnings(colour_runtime_warnings=True):  # tables are aligned
+        uv = colour.UCS_to_uv(colour.XYZ_to_UCS(xyz))
+        # Tables are aligned, and light may be far from any white.
+        with colour.utilities.suppress_warnings(
+            colour_runtime_warnings=True, colour_usage_warnings=True, python_warnings=True
+        ):
+            cct, duv = colour.temperature.uv_to_CCT_Ohno2013(uv)
             made = index(light, additional_data=True, method="ANSI/IES TM-30-18")
         near = abs(duv) <= FARTHEST
         every = (cct, duv, made.R_f, made.R_g)

@@ -285,6 +285,7 @@ class GlareYear:
         Each storey with views has a plan.
         """
         from drcmitsuba.report import glare_plots
+        from drcmitsuba.report.captions import turned_text
         from drcmitsuba.report.outlines import outlines_in_plan
         from drcmitsuba.report.sheets import sheets
 
@@ -303,7 +304,8 @@ class GlareYear:
             views = sheet.sensors
             drawn[f"glare_plan{number}.png"] = glare_plots.plan(
                 at[views], towards[views], share[views], title=words + where,
-                caption=self._caption, lines=outlines_in_plan(self.case, at[views], sheet),
+                caption=self._caption + turned_text(self.case),
+                lines=outlines_in_plan(self.case, at[views], sheet),
                 most=float(share.max(initial=0)),
             )  # fmt: skip
         return drawn
@@ -313,7 +315,9 @@ class GlareYear:
         from drcmitsuba.report.captions import period_text
 
         weather = Path(self.settings["weather_source"]).name
-        return f"{weather}; {period_text(self.case, self.hours)}"
+        counted, _, of_all = self.counting.partition(", ")
+        every = f"; {counted} count, {of_all}" if of_all.startswith("those") else ""
+        return f"{weather}; {period_text(self.case, self.hours)}{every}"
 
     def __repr__(self) -> str:
         size = f"{len(self.views)} views × {self.hours.sizes['time']} time stamps"

@@ -47,8 +47,12 @@ def _images(surfaces: list[Surface], facts: Facts) -> tuple[str, dict[str, int]]
     """Words for panes and smooth mirrors, and their numbers."""
     panes = sum(len(s.quads) for s in surfaces)
     followed, left_out = planes_followed(np.concatenate([s.quads for s in surfaces]))
-    told = [f"{s.name} ({_seen_from(s, facts)})" for s in surfaces[:MOST_NAMES]]
-    more = len(surfaces) - len(told)
+    quads: dict[str, list[np.ndarray]] = {}
+    for surface in surfaces:
+        quads.setdefault(surface.name, []).append(surface.quads)
+    few = [*quads.items()][:MOST_NAMES]
+    told = [f"{name} ({_seen_from(np.concatenate(some), facts)})" for name, some in few]
+    more = len(quads) - len(few)
     reason = f"suns have images in {followed} planes of {panes} faces: {', '.join(told)}"
     reason += f" and {more} more" if more else ""
     reason += f"; up to {MOST_IN_TURN} mirrors in turn"
@@ -67,7 +71,7 @@ def _images(surfaces: list[Surface], facts: Facts) -> tuple[str, dict[str, int]]
 
 def _lobes(rough: list[Surface], facts: Facts) -> str:
     """Words for rough mirrors."""
-    named = ", ".join(f"{s.name} ({_seen_from(s, facts)})" for s in rough[:MOST_NAMES])
+    named = ", ".join(f"{s.name} ({_seen_from(s.quads, facts)})" for s in rough[:MOST_NAMES])
     named += f" and {len(rough) - MOST_NAMES} more" if len(rough) > MOST_NAMES else ""
     return (
         f"suns and sky have lobes in rough mirrors: {named}; what one of them and another mirror "
@@ -75,11 +79,11 @@ def _lobes(rough: list[Surface], facts: Facts) -> str:
     )
 
 
-def _seen_from(surface: Surface, facts: Facts) -> str:
-    """Sides of the openings that have a mirror before them."""
+def _seen_from(quads: np.ndarray, facts: Facts) -> str:
+    """Sides of the openings that have mirrors (quad, 4, 3) before them."""
     if facts.reach is None:
         return "seen from the open"
-    corners, sides = surface.quads.reshape(-1, 3), list[str]()
+    corners, sides = quads.reshape(-1, 3), list[str]()
     openings = facts.reach.openings
     for quad, n in zip(openings, normals(openings), strict=True):
         if ((corners - quad[0]) @ n > 1e-3).any():

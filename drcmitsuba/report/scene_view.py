@@ -28,6 +28,8 @@ GROUPS = ("#CC79A7", "#E69F00", "#56B4E9", "#332288", "#999933", "#882255")
 DASHES: tuple[Any, ...] = ("-", (0, (3, 1)), (0, (1, 0.8)))
 MOST_ROWS, WIDEST = 10, 54
 """Largest number of lines of text below the view, and of the characters of a line."""
+NARROW = 0.5
+"""Width over height of a panel below which it has few ticks."""
 MOST_EDGES = 40_000
 """Largest number of edges of a kind that are drawn, the longest first."""
 NAMES = {
@@ -160,6 +162,8 @@ def _panel(
     ax.set_xlim(low[0] - margin, high[0] + margin)
     ax.set_ylim(low[1] - margin, high[1] + margin)
     ax.set_aspect("equal")
+    if high[0] - low[0] < NARROW * (high[1] - low[1]):  # else labels of ticks touch
+        ax.locator_params(axis="x", nbins=2)
     ax.ticklabel_format(useOffset=False, style="plain")  # a map's coordinates in full
 
 
@@ -193,8 +197,12 @@ def _views(ax: Axes, views: Mapping[str, np.ndarray]) -> None:
             continue
         ax.plot([x], [y], **VIEW)
         ax.annotate("", (x + dx, y + dy), (x, y), arrowprops={**ARROW, "color": VIEW["color"]})
+        # Views from one place have their names at their ends.
+        flat = float(np.hypot(dx, dy))
+        sideways, upward = (round(d / flat) if flat else 1 for d in (dx, dy))
         ax.annotate(
-            _cut(name, 29), (x, y), (5, -3), fontsize=8, va="top",
+            _cut(name, 29), (x + dx, y + dy), (4 * sideways, 4 * upward), fontsize=8,
+            ha=("center", "left", "right")[sideways], va=("center", "bottom", "top")[upward],
             textcoords="offset points", color=VIEW["color"], path_effects=halo(2, "white"), **NAME,
         )  # fmt: skip
 

@@ -66,8 +66,10 @@ def test_frames_and_bins_follow_without_tracing_again(rendered, monkeypatch):
     monkeypatch.setattr(stored_view, "save_paths", None)  # tracing would call it
     monkeypatch.chdir(rendered)
     before = picture.read("out/desk_03-20_1200.hdr").rgb
-    run(monkeypatch, "render", "room.toml", "--time", "03-20 12:00", *SMALL)
+    both = ("--time", "03-20 12:00", "--time", "03-20 13:00")
+    run(monkeypatch, "render", "room.toml", *both, *SMALL)
     assert np.array_equal(before, picture.read("out/desk_03-20_1200.hdr").rgb)
+    assert (rendered / "out/desk_03-20_1300.exr").exists()
 
 
 def test_states_follow_without_tracing_again_each_in_its_own_file(rendered, monkeypatch):

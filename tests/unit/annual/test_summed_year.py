@@ -10,8 +10,9 @@ from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.summed_year import luminances_of, years_of_states
 from drcmitsuba.annual.variants import SharedElements
 from drcmitsuba.case.groups import Group
+from drcmitsuba.case.shading import Shading
 from drcmitsuba.case.weather import PeriodTable
-from drcmitsuba.model.materials import GlazingMaterial
+from drcmitsuba.model.materials import DiffuserMaterial, GlazingMaterial
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
@@ -135,3 +136,14 @@ def test_variants_have_the_surfaces_of_each_hour(tmp_path):
     assert {(0, 0), (0, 1)} <= {*light.known}
     assert (means[0][3:] < 0.5 * means[0][:3]).all()  # the tree has leaves in autumn
     assert (means[1][3:] > 0.6 * means[1][:3]).all()  # and none in the other variant
+
+
+def test_a_variant_may_close_by_the_shade_alone_beside_one_with_such_groups(tmp_path):
+    one = case_by_the_hour(tmp_path, "06-21", "09-23", tree=("winter", "summer"))
+    dim = DiffuserMaterial(type="diffuser", transmittance=0.1)
+    shaded = {"shading": Shading(material="dim"), "materials": {**one.materials, "dim": dim}}
+    pair = [one.with_tables(groups={}, **shaded), one.with_tables(**shaded)]
+    for cases in (pair, pair[::-1]):
+        shared = SharedElements.of(cases)
+        tree = [bool(shared.evaluate(k).illuminance.attrs.get("groups")) for k in (0, 1)]
+        assert tree == [bool(case.groups) for case in cases]

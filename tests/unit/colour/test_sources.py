@@ -11,6 +11,7 @@ from drcmitsuba.case.sky import CieTable
 from drcmitsuba.colour import sources
 from drcmitsuba.colour.bands import Bands
 from drcmitsuba.colour.sources import SourceSpectra, sky_temperatures, sun_spectra
+from drcmitsuba.plan.notes import colour_notes
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky.daylight import Daylight, daylight
@@ -118,7 +119,20 @@ def test_measured_spectra_of_sky_and_sun(case, light, tmp_path):
 
 
 def test_a_source_without_light_is_refused(case, light, tmp_path):
-    (tmp_path / "dark.csv").write_text("380,0\n780,0\n")
-    dark = case.with_tables(colour=Colour(bands=9, sun=tmp_path / "dark.csv"))
-    with pytest.raises(InputError, match="no light"):
-        SourceSpectra.of(dark, light, BANDS)
+    for spectrum in ("380,0\n780,0\n", "380,0\n400,0\n401,1\n402,0\n780,0\n"):
+        (tmp_path / "dark.csv").write_text(spectrum)
+        dark = case.with_tables(colour=Colour(bands=9, sun=tmp_path / "dark.csv"))
+        with pytest.raises(InputError, match="no visible light"):
+            SourceSpectra.of(dark, light, BANDS)
+        with pytest.raises(InputError, match="no visible light"):
+            colour_notes(dark)
+    (tmp_path / "dark.csv").write_text("380,1e999\n780,1\n")
+    with pytest.raises(InputError, match=r"dark\.csv"):
+        colour_notes(dark)
+
+
+def test_keys_that_only_bands_follow_are_told_without_them(case):
+    grey = case.with_tables(colour=Colour(sky=4000.0, melanopic_threshold=400.0))
+    (note,) = colour_notes(grey)
+    assert note == "colour: sky, melanopic_threshold take part with bands = 9 or 27 alone"
+    assert not colour_notes(case.with_tables(colour=Colour()))

@@ -89,6 +89,18 @@ def test_other_materials_are_scaled(material):
     assert after[0] > before[0]
 
 
+def test_the_sides_of_a_fabric_take_their_own_columns(tmp_path):
+    """Transmittance, reflectance of the front, which is outside, and of the back."""
+    (tmp_path / "fabric.csv").write_text("380,0.1,0.2,0.6\n580,0.1,0.4,0.4\n780,0.1,0.6,0.2\n")
+    fabric = DiffuserMaterial(
+        type="diffuser", transmittance=0.1, reflectance=0.3, outer_reflectance=0.3
+    )
+    made = tints({"fabric": tmp_path / "fabric.csv"})
+    first, last = (made.of(band, surface("fabric", fabric)) for band in (0, 8))
+    assert first.reflectance > last.reflectance
+    assert first.outer_reflectance < last.outer_reflectance
+
+
 def test_a_blackout_blind_takes_a_spectrum_of_what_it_reflects():
     blind = DiffuserMaterial(type="diffuser", transmittance=0.0, reflectance=0.5)
     assert tints({"thing": RED}).of(8, surface("thing", blind)).most_through == 0

@@ -15,10 +15,11 @@ NOON = np.datetime64("2015-03-20T12:00")
 
 @pytest.mark.parametrize("when", [
     "03-20 12:00", " 2015-03-20T12:00:00 ", NOON, datetime(2015, 3, 20, 12),
-    pd.Timestamp("2015-03-20 12:00"),
+    pd.Timestamp("2024-03-20 12:00"),
 ])  # fmt: skip
 def test_times_of_text_numpy_pandas_and_python_are_one(when):
     assert instant_of(when) == NOON
+    assert instant_of(when).dtype == "datetime64[ns]"
 
 
 @pytest.mark.parametrize("when", [

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from drcmitsuba import elements, evaluate
 from drcmitsuba.case.case import Case
 from drcmitsuba.model.materials import (
     BsdfMaterial,
@@ -18,15 +19,18 @@ from drcmitsuba.plan import panes
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.components import place
+from drcmitsuba.scene.fills import openings_of
 from drcmitsuba.scene.geometry import box, heading, near_bounds, quad, turn
 from drcmitsuba.scene.leaks import refuse_leaks
 from drcmitsuba.scene.meshes import paired_mesh, quad_mesh
 from drcmitsuba.scene.panes_behind import doubled_notes, mirroring_before
+from drcmitsuba.scene.panes_in_state import grouped_panes
 from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.scene import load
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.sun_visibility import SunVisibility
 from drcmitsuba.scene.surfaces import surfaces_of
+from tests import ROOT
 from tests.model_rooms import GLASS, case_of, l_room, layer, prism
 
 
@@ -35,6 +39,7 @@ def _backend():
     backend.select()
 
 
+FILM = ROOT / "scenes" / "films" / "prism.xml"
 SOUTH = np.array([[1, 0, 1], [3, 0, 1], [3, 0, 2], [1, 0, 2]], float)
 
 
@@ -60,16 +65,42 @@ def test_fronts_of_glass_turn_to_the_room_whichever_way_they_were_drawn(window):
 
 
 @pytest.mark.parametrize("window", [SOUTH, SOUTH[::-1]])
-def test_films_of_a_case_turn_to_the_room_and_those_of_a_model_keep_their_corners(window):
-    """Both face the room by name; the model's own has the front that its corners tell."""
-    film = {"type": "bsdf", "file": "film.xml"}
-    drawn = area_vector(window)
-    for material, kept in ((BsdfMaterial(**film), False), (FacedBsdf(**film), True)):
-        windows = panes_of_model(box_room(window=window, material=material).building)
+def test_films_turn_to_the_room_and_those_of_a_model_are_flipped_where_their_corners_say(window):
+    film = {"type": "bsdf", "file": FILM}
+    away = area_vector(window)[1] < 0
+    for material, flips in ((BsdfMaterial(**film), False), (FacedBsdf(**film), away)):
+        case = box_room(window=window, material=material)
+        windows = panes_of_model(case.building)
         np.testing.assert_allclose(windows.front, [[0, 1, 0]], atol=1e-9)
         assert windows.facing == ("south",)
-        glass = windows.quads[int(windows.layer[0])]
-        np.testing.assert_allclose(area_vector(glass[0]), drawn if kept else [0, 2, 0], atol=1e-9)
+        assert windows.turned[int(windows.layer[0])].tolist() == [away]
+        (drawn,) = (surface for surface in surfaces_of(case) if surface.name == "glass")
+        (grouped,) = grouped_panes(case, groups=openings_of(case))
+        for quads, made in (
+            (drawn.quads, drawn.material), (grouped.quads, grouped.materials[0])
+        ):  # fmt: skip
+            np.testing.assert_allclose(area_vector(quads[0]), [0, 2, 0], atol=1e-9)
+            assert made.flip == flips
+
+
+def test_sums_over_openings_hold_the_sun_of_a_film_that_was_drawn_from_outside(tmp_path):
+    """A film of the model's own with corners from outside is one of the case that is flipped."""
+    times = tmp_path / "times.csv"
+    times.write_text("time\n2015-03-21T10:30\n2015-03-21T14:30\n")
+    film = {"type": "bsdf", "file": FILM, "straight_through": "off"}
+    tables = {
+        "sensors": {"corner": [1, 1, 0.8], "count": [2, 2], "spacing": 1.5},
+        "period": {"timestamps": times}, "accuracy": {"replicates": 4, "paths": 64},
+    }  # fmt: skip
+    E = []
+    for window, material in (
+        (SOUTH, FacedBsdf(**film)), (SOUTH[::-1], BsdfMaterial(**film, flip=True))
+    ):  # fmt: skip
+        case = box_room(window=window, material=material, **tables)
+        E.append(elements(case).illuminance()["total"].values)
+    np.testing.assert_allclose(*E, rtol=1e-3)
+    whole = evaluate(case).illuminance["total"].values
+    np.testing.assert_allclose(E[0].mean(), whole.mean(), rtol=0.1)
 
 
 def test_a_model_without_spaces_says_what_to_do():
