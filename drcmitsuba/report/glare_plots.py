@@ -10,6 +10,7 @@ from matplotlib import colormaps
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, ListedColormap, Normalize
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from drcmitsuba.report.style import GREY, INK, LINES, halo, head
 from drcmitsuba.report.temporal_map import temporal_map
@@ -76,7 +77,7 @@ def plan(
     -------
     Figure
     """
-    figure = Figure(figsize=(6.4, 5.6), layout="constrained")
+    figure = Figure(figsize=(6.4, 5.6), layout=ConstrainedLayoutEngine(h_pad=0.12))
     ax = figure.subplots()
     for kind, outlines in (lines or {}).items():
         for outline in outlines:
