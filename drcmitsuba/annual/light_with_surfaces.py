@@ -57,7 +57,9 @@ def light_with_surfaces(
 
 
 def simulate_sets(channels: Sequence[AnyLight], shares: np.ndarray, run: Run) -> None:
-    """Simulate the light that lacks of the surfaces that stand by shares (row, element).
+    """Simulate the light beside all sets of surfaces that stand by shares (row, element).
+
+    What was simulated before stays known.
 
     Raises
     ------

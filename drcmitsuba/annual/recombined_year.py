@@ -13,7 +13,6 @@ from drcmitsuba.annual.chosen_facade import ChosenFacade
 from drcmitsuba.annual.result import Result, summed_up
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.simulated_year import SimulatedYear, simulated_year, taken_states
-from drcmitsuba.annual.spectral_year import left_out
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, VARYING, State
 from drcmitsuba.case.sun import Adaptive, TrueSun
@@ -67,7 +66,7 @@ def recombined(
             is_known = "illuminance" in year.coefficients.open
             light = year.daylight.times() if is_known else year.daylight
             evaluated = evaluate_metrics(case, light, year.coefficients, year.direct, year.shade)
-        notes = [*remarks, *left_out(case)]
+        notes = [*remarks, *case.colour.notes_without_bands]
         if facade.sky is not None and not isinstance(case.sun, TrueSun | Adaptive):
             notes.append(BY_MOST_HOURS)
         result = summed_up(planned.summed(always=True), coefficients, evaluated, run, notes)

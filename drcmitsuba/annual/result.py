@@ -28,7 +28,7 @@ from drcmitsuba.annual.adaptive_sampling import SamplingOutcome, toward_target
 from drcmitsuba.annual.large_result import LargeResult
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.saved_result import SavedResult, with_record
-from drcmitsuba.annual.spectral_year import left_out, spectral_year
+from drcmitsuba.annual.spectral_year import spectral_year
 from drcmitsuba.annual.workers import Workers
 from drcmitsuba.blocks.block_folder import BlockFolder
 from drcmitsuba.case.case import Case
@@ -244,7 +244,10 @@ def evaluate_within(
         if known is None and summed(begun.planned):
             case = begun.planned.facts.case
             return large_result.evaluated(
-                begun.planned, begun.run, [*begun.remarks, *left_out(case)], begun.expected
+                begun.planned,
+                begun.run,
+                [*begun.remarks, *case.colour.notes_without_bands],
+                begun.expected,
             )
         return _whole(begun, known)
 

@@ -160,12 +160,6 @@ class _BandLight:
         return _Responses(luminance, melanopic, others, spectrum)
 
 
-def left_out(case: Case) -> list[str]:
-    """Note of a verb that evaluates no bands, where a case asks for them."""
-    count = case.colour.wavelengths
-    return [f"colour: no {count} bands here; evaluate computes them"] if count else []
-
-
 def band_accuracy(accuracy: Accuracy, points: int) -> Accuracy:
     """Accuracy of a band at so many points: rays as a ratio needs them."""
     few = with_few_rays(accuracy.of_points(points), REPLICATES)

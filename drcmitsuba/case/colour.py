@@ -63,3 +63,9 @@ class Colour(Table):
     def wavelengths(self) -> int:
         """Number of wavelengths; 0 for luminance or red, green and blue."""
         return self.bands if isinstance(self.bands, int) else 0
+
+    @property
+    def notes_without_bands(self) -> list[str]:
+        """Note of a task that evaluates no bands, where a case asks for them."""
+        note = f"colour: no {self.wavelengths} bands here; evaluate computes them"
+        return [note] * bool(self.wavelengths)

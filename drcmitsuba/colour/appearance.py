@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,8 +14,9 @@ colour = lazy.module("colour")
 
 U, V = np.linspace(0.12, 0.36, 481), np.linspace(0.24, 0.42, 361)
 """Coordinates of the table of temperatures [–]."""
-FARTHEST = 0.05
-"""Largest Duv of light that has a colour temperature, and rendition beside light of it (CIE 15)."""
+FARTHEST, REDDEST, BLUEST = 0.05, 1000.0, 25_000.0
+"""Largest Duv [–] and ends of the temperatures [K] of light that has one, and rendition beside
+light of it."""
 
 
 def temperatures(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -32,7 +33,8 @@ def temperatures(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     mired, duv = (
         map_coordinates(table, place, order=1, cval=np.nan, output=np.float32) for table in _by_uv()
     )
-    return np.where(dark, np.nan, 1e6 / mired), np.where(dark, np.nan, duv)
+    has = ~dark & has_temperature(1e6 / mired, duv)
+    return np.where(has, 1e6 / mired, np.nan), np.where(has, duv, np.nan)
 
 
 @lru_cache(maxsize=1)
@@ -41,6 +43,11 @@ def _by_uv() -> tuple[np.ndarray, np.ndarray]:
     uv = np.stack(np.meshgrid(U, V, indexing="ij"), axis=-1)
     cct, duv = np.moveaxis(colour.temperature.uv_to_CCT_Robertson1968(uv), -1, 0)
     return 1e6 / np.maximum(cct, 1.0), np.asarray(duv)
+
+
+def has_temperature(cct: Any, duv: Any) -> Any:
+    """Whether light of some numbers of both is near enough to a white, bool; NaN is not."""
+    return (abs(duv) <= FARTHEST) & (cct >= REDDEST) & (cct <= BLUEST)
 
 
 class Appearance(NamedTuple):
@@ -69,6 +76,6 @@ class Appearance(NamedTuple):
         ):
             cct, duv = colour.temperature.uv_to_CCT_Ohno2013(uv)
             made = index(light, additional_data=True, method="ANSI/IES TM-30-18")
-        near = abs(duv) <= FARTHEST
+        near = has_temperature(cct, duv)
         every = (cct, duv, made.R_f, made.R_g)
         return cls(*(float(v) if near and np.isfinite(v) else None for v in every))

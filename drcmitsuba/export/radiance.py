@@ -9,7 +9,6 @@ import numpy as np
 import xarray as xr
 from scipy.sparse import csr_matrix
 
-from drcmitsuba.annual.spectral_year import left_out
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, SHADED, State
 from drcmitsuba.case.sun import Adaptive, TrueSun
@@ -113,7 +112,7 @@ def _luminances(light: Daylight) -> tuple[csr_matrix, csr_matrix]:
 
 def _remarks(case: Case) -> list[str]:
     """Parts of a case that the script ignores."""
-    remarks = left_out(case)
+    remarks = case.colour.notes_without_bands
     if case.effects.overruled:
         remarks.append("Radiance simulates all effects of light, whatever the table [effects] says")
     start, turned = origin(case), clockwise(case)

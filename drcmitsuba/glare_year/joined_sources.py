@@ -7,100 +7,104 @@ the mean of its luminances and the position index P of its middle:
           (A, F) = \sum_e w_e f_e (A_e, F_e)
 
 with the shares w of elements e, the factors f of their luminances, and the solid angle Ω, the sum A
-of luminance times solid angle and that of directions F of what is bright by each alone.
+of luminance times solid angle and that of directions F of what is bright by each alone. Elements
+join by way of those that have a share: windows with wall between them do not.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.glare_year.seen import Seen, sparse
+from drcmitsuba.glare_year.seen import Seen
 from drcmitsuba.glare_year.sources import LEAST
+from drcmitsuba.glare_year.tiles import EyeTiles
 from drcmitsuba.picture.position_index import position_index
 from drcmitsuba.runtime import lazy
-from drcmitsuba.runtime.flat_arrays import flat, flat_indices
+from drcmitsuba.runtime.flat_arrays import flat_indices
 from drcmitsuba.transport.elements.mixed_rows import Rows, mixed
 
+sparse = lazy.module("scipy.sparse")
 csgraph = lazy.module("scipy.sparse.csgraph")
+
+SHOWN = 0.01
+"""Share of its opening from which on an element joins those beside it."""
 
 
 @dataclass(frozen=True)
 class JoinedSources:
-    """Light of elements that is one source before each view."""
+    """Light of elements before one view, of which that side by side is one source."""
 
+    view: int
+    frame: np.ndarray
+    """Unit vectors to the right, up and forward of the view, shape (3, 3)."""
     elements: np.ndarray
     """Elements, int, shape (element,)."""
+    near: np.ndarray
+    """Whether two elements show what is side by side, bool, shape (element, element)."""
     light: tuple[Rows, ...]
-    """F by axis, A [cd/m² sr] and Ω [sr] of each element, flat (time, view)."""
-    frames: mi.Float
-    """Unit vectors to the right, up and forward of the views, flat (view, 3, 3)."""
-    views: int
-    """Number of views."""
+    """F by axis, A [cd/m² sr] and Ω [sr] of each element, flat (time,)."""
 
-    def at(self, entries: mi.UInt32) -> JoinedSources:
-        """Those of some time stamps, by their entries (time, view)."""
-        light = tuple(tuple(dr.gather(mi.Float, of, entries) for of in rows) for rows in self.light)
+    def at(self, hours: mi.UInt32) -> JoinedSources:
+        """Those of some time stamps."""
+        light = tuple(tuple(dr.gather(mi.Float, of, hours) for of in rows) for rows in self.light)
         return replace(self, light=light)
 
     def sums(self, shares: mi.Float, factors: mi.Float) -> mi.Float:
-        """S by shares and factors of all elements, flat (time, view); gradients flow through."""
+        """S [cd²/m⁴ sr] by shares and factors of all elements, flat (time,); with gradients."""
         w, f = (dr.gather(mi.Float, of, flat_indices(self.elements)) for of in (shares, factors))
-        *F, A = (mixed(rows, w * f) for rows in self.light[:4])
-        omega = mixed(self.light[4], w)
+        S = mi.Float(0)
+        for source in self._sources(dr.detach(w).numpy()):
+            own = (dr.gather(mi.Float, of, flat_indices(source)) for of in (w, w * f))
+            S += self._sum(source, *own)
+        return S
+
+    def _sources(self, shares: np.ndarray) -> Iterator[np.ndarray]:
+        """Yield the places of the elements of each source."""
+        shown = np.flatnonzero(shares > SHOWN)
+        graph = sparse.csr_array(self.near[np.ix_(shown, shown)])
+        count, source = csgraph.connected_components(graph, directed=False)
+        for k in range(count):
+            yield shown[source == k]
+
+    def _sum(self, source: np.ndarray, weights: mi.Float, lit: mi.Float) -> mi.Float:
+        """S of a source [cd²/m⁴ sr], by the shares of its elements alone and with factors."""
+        *F, A, omega = (
+            mixed(tuple(rows[e] for e in source), weights if k == 4 else lit)
+            for k, rows in enumerate(self.light)
+        )
         shines = (omega > LEAST) & (A > 0)
         towards = dr.normalize(dr.select(shines, mi.Vector3f(*F), mi.Vector3f(0, 0, 1)))
-        view = dr.arange(mi.UInt32, dr.width(A)) % dr.opaque(mi.UInt32, self.views)
-        axes = (dr.gather(mi.Vector3f, self.frames, 3 * view + k) for k in range(3))
+        axes = (mi.Vector3f(*map(float, axis)) for axis in self.frame)
         P = position_index(mi.Vector3f(*(dr.dot(axis, towards) for axis in axes)))
         return dr.select(shines, dr.square(A / P) / dr.select(shines, omega, 1), 0)
 
 
-def joined_sources(
-    light: dict[int, np.ndarray], groups: dict[int, np.ndarray], frames: np.ndarray
-) -> tuple[JoinedSources, ...]:
-    """Join the light of elements (5, time, view) by their groups (view,), −1 where they are unseen.
+def near_elements(seen: Seen, tiles: EyeTiles, elements: Sequence[int]) -> np.ndarray:
+    """Whether elements show what is side by side before each view, bool (view, element, element).
 
-    `frames` (view, 3, 3) are as of `JoinedSources`.
+    It is False of an element with itself where a view shows nothing by it. `tiles` are those of
+    what is seen, with the opening angle of a source.
     """
-    axes, out = flat(frames), []
-    for group in range(max((int(of.max(initial=-1)) for of in groups.values()), default=-1) + 1):
-        mine = [element for element, of in groups.items() if (of == group).any()]
-        rows = [light[element] * (groups[element] == group) for element in mine]
-        by_quantity = tuple(tuple(flat(row[k]) for row in rows) for k in range(5))
-        out.append(JoinedSources(np.array(mine, int), by_quantity, axes, len(frames)))
-    return tuple(out)
-
-
-def groups_of(seen: Seen, elements: Sequence[int]) -> np.ndarray:
-    """Groups of elements whose sources join before each view, int, shape (view, element).
-
-    They join where a chain of tiles, each near the next, shows both; −1 where a view shows none.
-    """
-    tiles = seen.tiles
     of_ray = np.repeat(np.arange(len(tiles)), np.diff(tiles.first))
-    shows = np.zeros((len(tiles), len(elements)), bool)
+    shows = np.zeros((len(tiles), len(elements)), np.float32)
     for e, element in enumerate(elements):
         pixels = np.zeros(len(seen.directions), bool)
         if element in seen.sky:
             pixels |= np.diff(seen.sky[element].indptr) > 0
         pixels[seen.films[seen.by_films == element]] = True
-        shows[of_ray[pixels[tiles.pixel]], e] = True
-    links = [(each.one, each.two) for each in tiles.links]
-    one, two = (np.concatenate(ends) for ends in zip(*links, strict=True))
-    out = np.full((len(tiles.forward), len(elements)), -1)
+        shows[of_ray[pixels[tiles.pixel]], e] = 1
+    one, two = (
+        np.concatenate([np.arange(len(tiles)), *(getattr(links, end) for links in tiles.links)])
+        for end in ("one", "two")
+    )
+    out = np.zeros((len(tiles.forward), len(elements), len(elements)), bool)
     for view, ahead in enumerate(tiles.ahead):
-        shown = shows & ahead[:, None]
-        near = shown.any(axis=1)[one] & shown.any(axis=1)[two]
-        tile, by = np.nonzero(shown)
-        ends = np.append(one[near], tile), np.append(two[near], len(tiles) + by)
-        nodes = len(tiles) + len(elements)
-        graph = sparse.coo_array((np.ones(len(ends[0]), bool), ends), (nodes, nodes))
-        _, label = csgraph.connected_components(graph, directed=False)
-        visible = shown.any(axis=0)
-        out[view, visible] = np.unique(label[len(tiles) :][visible], return_inverse=True)[1]
+        shown = sparse.csr_array(shows * ahead[:, None])
+        pairs = (shown[one].T @ shown[two]).toarray() > 0
+        out[view] = pairs | pairs.T
     return out

@@ -79,8 +79,14 @@ class PlaceInFacade:
         return out.T, (out + self._sharp(times)).T
 
     def light(self, rule: Rule) -> tuple[np.ndarray, np.ndarray]:
-        """Light of all that is bright, (5, view, time) as from `bright_light`, and Σ L² ω / P² of
-        peaks and suns (view, time), in a façade of one fill in each opening, at all time stamps.
+        """Light of all that is bright, in a façade of one fill in each opening.
+
+        Returns
+        -------
+        light : np.ndarray, shape (5, view, time)
+            As from `bright_light`.
+        peaks : np.ndarray, shape (view, time)
+            Σ L² ω / P² of peaks and suns [cd²/m⁴ sr].
         """
         known, times = self.known, np.arange(len(self.known.sky))
         tiles, frames = known.seen.tiles.opened(rule.opening), known.seen.frames

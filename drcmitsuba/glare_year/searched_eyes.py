@@ -12,14 +12,14 @@ e(p) or in none, whose luminances are sums over elements, too.
 b is 1 where a luminance is above the threshold of glare sources. The illuminance at the eyes is
 that of `SmoothYear`.
 
-Limits: surfaces do not join with what is beside them. Sources join where all that elements show is
-bright. A sun behind a pane of a small share is a source of that share, not one for a part of the
-hours.
+Limits: surfaces do not join with what is beside them. Sources join as if all that elements show
+were bright. A sun behind a pane of a small share is a source of that share, not one for a part of
+the hours.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -34,7 +34,7 @@ from drcmitsuba.case.groups import APPLIED
 from drcmitsuba.glare_year.by_element import ElementTracing
 from drcmitsuba.glare_year.element_sampler import samples_of
 from drcmitsuba.glare_year.eyes import Eyes, eyes
-from drcmitsuba.glare_year.joined_sources import JoinedSources, groups_of, joined_sources
+from drcmitsuba.glare_year.joined_sources import JoinedSources, near_elements
 from drcmitsuba.glare_year.place import SeenPlace
 from drcmitsuba.glare_year.result import CLASSES, GlareYear
 from drcmitsuba.glare_year.rule import Rule
@@ -105,26 +105,24 @@ class SearchedEyes:
         years = [SmoothYear.of(each, tracing.light, is_open, closings) for each in channels]
         weights, count = channel_weights(len(years)), tracing.openings.starts[-1]
         times, views = tracing.light.sky.sizes["time"], len(looking)
-        sums, light, groups = (dict[int, np.ndarray]() for _ in range(3))
-        surfaces, judged = [], 0
+        sums: dict[int, np.ndarray] = {}
+        joined, surfaces, judged = list[JoinedSources](), [], 0
         with stage("what is seen") as done:
             for place in _few(tracing).places(looking, RULE.least):
-                of_place = groups_of(place.seen, place.sources)
-                for element, group in zip(place.sources, of_place.T, strict=True):
-                    number = count if element == BESIDES else element
-                    bright, peaks = place.light_by(element, RULE)
-                    for known, values in ((light, bright), (sums, peaks[None])):
-                        shape = len(values), times, views
-                        known.setdefault(number, np.zeros(shape, np.float32))
-                        known[number][..., place.views] = values.swapaxes(1, 2)
-                    groups.setdefault(number, np.full(views, -1))[place.views] = group
+                numbers = [count if e == BESIDES else e for e in place.sources]
+                light = np.zeros((len(numbers), 5, len(place.views), times), np.float32)
+                for k, element in enumerate(place.sources):
+                    light[k], peaks = place.light_by(element, RULE)
+                    S = sums.setdefault(numbers[k], np.zeros((times, views), np.float32))
+                    S[:, place.views] = peaks.T
+                joined += _joined(place, looking, np.array(numbers, int), light)
                 surfaces.append(_surfaces(place, len(looking), count))
                 judged += len(place.views)
                 done(judged / views)
         return cls(
             tracing, looking, tuple(zip(weights, years, strict=True)),
-            (np.array([*sums], int), tuple(flat(S[0]) for S in sums.values())),
-            joined_sources(light, groups, looking.frames), tuple(surfaces),
+            (np.array([*sums], int), tuple(flat(S) for S in sums.values())),
+            tuple(joined), tuple(surfaces),
             bright_hours(tracing.light.sky),
         )  # fmt: skip
 
@@ -138,7 +136,7 @@ class SearchedEyes:
             self,
             channels=tuple((weight, year.at(hours)) for weight, year in self.channels),
             sources=(numbers, tuple(dr.gather(mi.Float, S, entries) for S in sums)),
-            joined=tuple(each.at(entries) for each in self.joined),
+            joined=tuple(each.at(flat_indices(hours)) for each in self.joined),
             surfaces=tuple(_at(each, place, views) for each in self.surfaces),
             counted=self.counted[hours],
         )
@@ -201,8 +199,10 @@ class SearchedEyes:
         """S by shares of elements, flat (time, view)."""
         numbers, rows = self.sources
         S = dr.zeros(mi.Float, len(self.counted) * len(self.looking))
+        time = dr.arange(mi.UInt32, len(self.counted)) * dr.opaque(mi.UInt32, len(self.looking))
         for joined in self.joined:
-            S += joined.sums(shares, factors)
+            at = time + dr.opaque(mi.UInt32, joined.view)
+            dr.scatter_add(S, joined.sums(shares, factors), at)
         if len(rows):
             S += mixed(rows, _taken(shares * factors * factors, numbers))
         for place in self.surfaces:
@@ -251,6 +251,23 @@ def worst_view(year: GlareYear) -> tuple[str, xr.Dataset]:
     every = year.interval(LIMIT).isel(state=-1)
     worst = int(every["value"].argmax("view"))
     return year.views[worst], every.isel(view=worst)
+
+
+def _joined(
+    place: SeenPlace, looking: Eyes, numbers: np.ndarray, light: np.ndarray
+) -> Iterator[JoinedSources]:
+    """Yield the sources of a place view by view.
+
+    `light` (element, 5, view, time) is that of elements with these `numbers`, by
+    `SeenPlace.light_by`.
+    """
+    near = near_elements(place.seen, place.seen.tiles.opened(RULE.opening), place.sources)
+    for k, view in enumerate(place.views.tolist()):
+        shown = np.flatnonzero(near[k].diagonal())
+        rows = tuple(tuple(flat(light[e, j, k]) for e in shown) for j in range(5))
+        if len(shown):
+            pairs = near[k][np.ix_(shown, shown)]
+            yield JoinedSources(view, looking.frames[view], numbers[shown], pairs, rows)
 
 
 def _dgp(Ev: mi.TensorXf, S: mi.Float) -> mi.TensorXf:

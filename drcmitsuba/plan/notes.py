@@ -11,6 +11,7 @@ import numpy as np
 from drcmitsuba.bsdf import advice
 from drcmitsuba.case.accuracy import SMALLEST_CELL, Target
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.colour import Colour
 from drcmitsuba.case.model_case import notes_on_groups
 from drcmitsuba.colour.bands import Bands
 from drcmitsuba.colour.sources import check_sources
@@ -140,7 +141,7 @@ def _cell_notes(case: Case) -> list[str]:
 def colour_notes(case: Case) -> list[str]:
     """Notes on spectra, which are read and checked; without bands, on those that take no part."""
     if not case.colour.wavelengths:
-        named = [key for key in OF_BANDS if key in case.colour.model_fields_set]
+        named = [key for key in OF_BANDS if getattr(case.colour, key) != getattr(Colour(), key)]
         return [f"colour: {', '.join(named)} take part with bands = 9 or 27 alone"] * bool(named)
     bands = Bands.of(case.colour.wavelengths)
     check_sources(case, bands)

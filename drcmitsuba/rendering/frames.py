@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -85,8 +86,8 @@ def frames(
         case = load_case(case)
     backend.select()
     goal = None if target is None else PictureTarget.parse(target, time_limit)
-    if isinstance(times, str):
-        raise InputError("picture", "times", repr(times), "give a list of times")
+    if isinstance(times, str | np.datetime64 | datetime):
+        raise InputError("picture", "times", str(times), "give a list of times")
     instants = [*map(instant_of, times)]
     by_time = [state] * len(instants)
     if state == APPLIED:

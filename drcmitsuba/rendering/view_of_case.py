@@ -76,10 +76,10 @@ def shape_of(view: PictureView, size: Size) -> tuple[int, int]:
         There are no pixels, or more than 33 million, or the size is no whole numbers.
     """
     wide, high = view.half_size
-    whole = np.atleast_1d(size)
-    if whole.dtype.kind not in "iu" or len(whole) not in (1, 2):
+    whole = np.atleast_1d(np.array(size, object))
+    if whole.size not in (1, 2) or not all(isinstance(n, int | np.integer) for n in whole.flat):
         raise InputError("picture", "size", repr(size), "give columns, or columns and rows")
-    columns, *of_rows = whole.tolist()
+    columns, *of_rows = map(int, whole.flat)
     rows = of_rows[0] if of_rows else max(1, round(columns * high / wide))
     if not (columns >= 1 and rows >= 1 and columns * rows <= MOST_PIXELS):
         got = f"{columns} by {rows} pixels"

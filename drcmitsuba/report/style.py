@@ -53,6 +53,8 @@ LINES: dict[str, dict[str, Any]] = {
     "limit": {"color": ORANGE, "linewidth": 2.0, "path_effects": halo(3.6, "white")},
 }
 """Lines of a plan by their name in the legend."""
+OTHERS = (".pdf", ".svg", ".jpg", ".jpeg", ".tif", ".tiff", ".eps", ".ps", ".gif", ".webp")
+"""Endings of formats that no figure is written in."""
 DPI, SHOWN_DPI = 150, 100
 """Resolution of files, and of figures that Jupyter or the report shows [1/inch]."""
 LETTER = 0.62
@@ -139,7 +141,7 @@ def save(figure: Figure, path: str | Path) -> Path:
     >>> mean = result.illuminance["total"].mean("time", keep_attrs=True)
     >>> path = plots.save(plots.plan(mean), "plan.png")
     """
-    if (ending := Path(path).suffix.lower()) not in ("", ".png"):
+    if (ending := Path(path).suffix.lower()) in OTHERS:
         remedy = "name it .png, or call the figure's own savefig"
         raise InputError(path, "ending", f"{ending}, of another format than PNG", remedy)
     return _save(pixels_of(figure, DPI), Path(path))

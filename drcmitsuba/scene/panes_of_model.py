@@ -31,6 +31,9 @@ SEES_SKY = 0.1
 OFFSET = 1e-4
 """Distance of the rays' origins from the pane, per metre of the model's extent."""
 
+Materials = tuple[SurfaceMaterial | None, ...]
+"""Materials of the same panes in several states; None of holes."""
+
 
 @dataclass(frozen=True, eq=False)
 class ModelPanes:
@@ -114,9 +117,6 @@ def _panes_of(shape: ModelShape) -> ModelPanes:
         tuple(quads),
         tuple(turned),
     )
-
-
-Materials = tuple[SurfaceMaterial | None, ...]
 
 
 def by_side(materials: Materials, turned: np.ndarray) -> Iterator[tuple[np.ndarray, Materials]]:

@@ -214,8 +214,13 @@ def _bringing(case: Case, brought: Mapping[str, object], first: int) -> dict[int
 
 def _groups_bringing(case: Case) -> Iterator[tuple[int, str, tuple[str, ...]]]:
     """Yield number, name and states of each group that brings surfaces."""
-    groups, bringing = prepared(case).groups.states, groups_with_surfaces(case)
-    for group, (name, states) in enumerate(zip(groups.names, groups.states, strict=True)):
+    groups, bringing = prepared(case).groups, groups_with_surfaces(case)
+    every = zip(groups.states.names, groups.states.states, groups.materials, strict=True)
+    for group, (name, states, materials) in enumerate(every):
+        if name in bringing and materials:
+            got = "states of its own, and surfaces of the model's first one"
+            remedy = "take the states of the model, or evaluate the case by itself"
+            raise InputError(case.source, f"groups.{name}.states", got, remedy)
         if name in bringing:
             yield group, name, states
 

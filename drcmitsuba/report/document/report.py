@@ -36,6 +36,8 @@ from drcmitsuba.report.lights import of_period
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 
+OTHERS = (".pdf", ".docx", ".odt", ".tex", ".txt", ".json", ".xlsx")
+"""Endings of formats that no report has."""
 MOST_FACADES = 12
 """Largest number of façades of a report."""
 LARGEST_PAGE = 2_000_000
@@ -208,7 +210,7 @@ class Report:
         return out.getvalue()
 
     def save(self, path: str | Path) -> Path:
-        """Write the page to a file, whole or not at all; `.md` and `.csv` choose their format.
+        """Write the page to a file, whole or not at all; `.md` and `.csv` choose another format.
 
         Raises
         ------
@@ -216,11 +218,10 @@ class Report:
             The path has the ending of another format.
         """
         path = Path(path)
-        made = {".html": self.html, ".htm": self.html, ".md": self.markdown, ".csv": self.csv}
-        if (ending := path.suffix.lower()) not in made:
-            got, remedy = ending or "no ending", f"end its name in {', '.join(made)}"
-            raise InputError(path, "report", got, remedy)
-        storage.save_text(made[ending](), path)
+        if (ending := path.suffix.lower()) in OTHERS:
+            raise InputError(path, "report", ending, "end its name in .html, .md or .csv")
+        made = {".md": self.markdown, ".csv": self.csv}.get(ending, self.html)
+        storage.save_text(made(), path)
         return path
 
     def _repr_html_(self) -> str:

@@ -52,8 +52,6 @@ MOST_ROWS = 1 << 18
 each."""
 NEAR = 3.0
 """Distance from a film's plane within which surfaces that shade it ask for narrow patches [m]."""
-LEAST = 8
-"""Least number of directions for every cell of a narrow patch."""
 FEW_ROWS = 48
 """Number of outgoing cells per direction to an exposed film up to which its light is a product."""
 
@@ -182,7 +180,7 @@ class Films:
         tables = []
         for patch in np.unique(first[:-1], return_index=True)[1]:
             owner, key = self.patches.owner[patch], seed + 7919 * int(patch)
-            own = max(min(samples, LEAST), samples // self.fineness[owner] ** 2)
+            own = max(1, samples // self.fineness[owner] ** 2)
             of_patch = self.patches, self.mounts[owner], int(patch)
             tables.append(sky_answer(self.scene, *of_patch, subdivision, own, key))
         return mi.TensorXf(dr.concat(tables), (int(first[-1]), len(Patches(subdivision))))

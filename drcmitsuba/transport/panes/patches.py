@@ -55,8 +55,8 @@ def times_narrower(
 ) -> list[int]:  # fmt: skip
     """Times that patches of groups of panes, (pane, 4, 3) each, are narrower than `size` [m].
 
-    It is 1 of those that no surface shades, by its corners (corner, 3) [m] within `reach` [m] of a
-    pane's plane; the others have `most` patches together.
+    It is 1 of those that no surface shades, a quad of four `corners` (corner, 3) [m] beyond a
+    pane's plane of which a part lies within `reach` [m]; the others have `most` patches together.
     """
     shaded = [_may_be_shaded(quads, corners, reach) for quads in groups]
     area = sum(
@@ -70,11 +70,12 @@ def times_narrower(
 def _may_be_shaded(quads: np.ndarray, corners: np.ndarray, reach: float) -> bool:
     """Whether any surface lies beyond the plane of a pane (quad, 4, 3), within `reach` [m]."""
     every, of_quad = np.unique(unit_normals(quads).round(6), axis=0, return_inverse=True)
+    surfaces = corners.reshape(-1, 4 if len(corners) % 4 == 0 else 1, 3)
     for k, normal in enumerate(every):
-        at, plane = np.sort(corners @ normal), quads[of_quad.reshape(-1) == k, 0] @ normal
-        first, last = np.searchsorted(at, plane - reach), np.searchsorted(at, plane - BEYOND)
-        if (last > first).any():
-            return True
+        at, plane = surfaces @ normal, quads[of_quad.reshape(-1) == k, 0] @ normal
+        for depth in np.unique(plane.round(6)):
+            if ((at.min(axis=1) < depth - BEYOND) & (at.max(axis=1) > depth - reach)).any():
+                return True
     return False
 
 

@@ -10,6 +10,7 @@ from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.summed_year import luminances_of, years_of_states
 from drcmitsuba.annual.variants import SharedElements
 from drcmitsuba.case.groups import Group
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.case.shading import Shading
 from drcmitsuba.case.weather import PeriodTable
 from drcmitsuba.model.materials import DiffuserMaterial, GlazingMaterial
@@ -17,7 +18,9 @@ from drcmitsuba.plan import plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.prepared_case import prepared
+from drcmitsuba.scene.shared_facades import SharedFacades
 from drcmitsuba.sky.daylight import daylight
+from tests.unit.model import box_room as box
 from tests.unit.scene.test_groups_of_models import TREE, case
 
 STATES = np.array([[0, 0], [1, 1], [0, 1], [1, 1], [0, 0], [0, 1]])
@@ -147,3 +150,32 @@ def test_a_variant_may_close_by_the_shade_alone_beside_one_with_such_groups(tmp_
         shared = SharedElements.of(cases)
         tree = [bool(shared.evaluate(k).illuminance.attrs.get("groups")) for k in (0, 1)]
         assert tree == [bool(case.groups) for case in cases]
+
+
+def test_a_group_with_states_of_its_own_leaves_the_model_its_first_surfaces_or_is_refused(tmp_path):
+    """An awning hangs there in the first state; what takes its place the case cannot tell."""
+    room = box.room()
+    corners = [[1, -1, 2.5], [3, -1, 2.5], [3, -0.1, 2.5], [1, -0.1, 2.5]]
+    awning = {
+        "type": "StateGeometry", "identifier": "awning", "modifier": "matt",
+        "geometry": {"type": "Face3D", "boundary": corners},
+    }  # fmt: skip
+    states = [{"modifier": "clear", "shades": [awning]}, {"modifier": "clear"}]
+    room["faces"][1]["apertures"][0]["properties"]["radiance"] = {
+        "dynamic_group_identifier": "south", "states": states,
+    }  # fmt: skip
+    glass = {"type": "Glass", "identifier": "clear"}
+    glass |= {f"{c}_transmissivity": 0.9 for c in "rgb"}
+    modifiers = {"modifiers": [glass, box.plastic("matt", 0.2, 0.2, 0.2)]}
+    box.written(tmp_path, box.model(room, radiance=modifiers))
+    (tmp_path / "case.toml").write_text(
+        '[model]\nfiles = ["box.hbjson"]\n[groups.south]\n'
+        "[sensors]\ncorner = [1, 1, 0.8]\ncount = [2, 2]\nspacing = 1.0\n"
+    )
+    one = load_case(tmp_path / "case.toml")
+    dim = DiffuserMaterial(type="diffuser", transmittance=0.1)
+    own = {"south": Group(states=("dim",))}
+    other = one.with_tables(materials={**one.materials, "dim": dim}, groups=own)
+    assert SharedFacades.of([one, one]).bringing
+    with pytest.raises(InputError, match=r"groups\.south\.states: states of its own, and surfaces"):
+        SharedFacades.of([one, other])

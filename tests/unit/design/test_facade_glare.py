@@ -122,14 +122,34 @@ def test_windows_that_meet_in_a_corner_are_one_source(tmp_path):
     layout = Layout.of(drcmitsuba.load_case(file))
     year = layout.year(trace_eyes=EyesOfSearch.of)
     case, found = drawn(layout, layout.problem(year), [0, 0, 0.5])
-    (joined,) = year.eyes.joined
-    assert len(joined.elements) == 3  # two tiles, the window to the east; fabrics are surfaces
+    assert [joined.view for joined in year.eyes.joined] == [0, 1]
+    for joined in year.eyes.joined:  # two tiles, the window to the east; fabrics are surfaces
+        assert joined.near.all()
+        assert len(joined.elements) == 3
     theirs = drcmitsuba.glare(case).hours.sel(state="open")
     mine, *_ = year.eyes.dgp(*year.weights(mi.TensorXf(found.share.astype(np.float32))), None)
     bright = theirs["illuminance"].values.min(axis=1) > 300
     apart = (mine.numpy() - theirs["dgp"].values)[bright]
     assert len(apart) > 5
     assert (abs(np.median(apart, axis=0)) < 0.003).all()
+
+
+def test_windows_with_wall_between_them_are_sources_of_their_own(tmp_path):
+    """The wall in the middle has the best place: one source of both would be dazzling there."""
+    strip = 'strips = [{ bottom = 0.9, top = 2.7, material = "glass"'
+    wide = CASE.replace("[2.8, 4.0, 3.0]", "[9.0, 6.0, 3.0]").replace("1.4, 2.5", "4.5, 2.2")
+    (tmp_path / "searched").mkdir()
+    file = case_in(tmp_path / "searched", "glare_limit = 5.0\n", wide)
+    file.write_text(file.read_text().replace("rows = 2\nsegments = 1", "rows = 1\nsegments = 3"))
+    year = Layout.of(drcmitsuba.load_case(file)).year(trace_eyes=EyesOfSearch.of)
+    apart = case_in(tmp_path, "", wide.replace(strip, f"segments = 3\n{strip}, segments = [0, 2]"))
+    apart.write_text(apart.read_text().replace(DESIGN, ""))
+    theirs = drcmitsuba.glare(drcmitsuba.load_case(apart)).hours.sel(state="open")
+    share = np.zeros((3, len(year.materials)), np.float32)
+    share[[0, 1, 2], [year.materials.index(name) for name in ("glass", "wall", "glass")]] = 1
+    mine, *_ = year.eyes.dgp(*year.weights(mi.TensorXf(share)), None)
+    difference = np.clip(mine.numpy(), 0, 1) - theirs["dgp"].values
+    assert (abs(np.median(difference, axis=0)) < 0.003).all()
 
 
 def test_gradients_of_the_hours_of_glare_are_those_of_differences(searched):

@@ -37,7 +37,20 @@ def test_sizes_are_columns_or_columns_and_rows(size):
     assert shape_of(view, size) == ((24, 24) if np.ndim(size) == 0 else (12, 24))
 
 
-@pytest.mark.parametrize("size", ["24", "24x12", 24.0, None, (24, 12, 3), 0, (10**5, 10**5)])
+@pytest.mark.parametrize(
+    "size",
+    [
+        "24",
+        "24x12",
+        24.0,
+        None,
+        (24, 12, 3),
+        0,
+        (10**5, 10**5),
+        ((24, 12), (1, 2)),
+        [[1], [2, 3]],
+    ],
+)
 def test_sizes_that_are_none_are_refused(size):
     with pytest.raises(InputError, match="picture: size"):
         shape_of(PictureView("equidistant"), size)

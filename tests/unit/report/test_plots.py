@@ -260,6 +260,7 @@ def test_save_writes_a_png_and_nothing_else(tmp_path):
     assert picture.shape[:2] == (645, 1440)
     assert picture[..., :3].std() > 0.05
     assert [p.name for p in tmp_path.iterdir()] == ["year.png"]
+    assert plots.save(plots.monthly(year()), tmp_path / "office v1.2").is_file()
     with pytest.raises(InputError, match="of another format than PNG"):
         plots.save(plots.monthly(year()), tmp_path / "year.pdf")
 

@@ -238,6 +238,7 @@ def test_a_film_under_a_roof_has_narrow_patches_that_share_directions(case, monk
     roof, tower = ((0, -1.2, 3.4), (8.8, 1.2, 0.1)), ((0, -12, 0), (8.8, 1, 9))
     wide, narrow = shaded(*tower), shaded(*roof)
     assert (wide.fineness, narrow.fineness) == ((1,), (3,))
+    assert shaded((0, -4.0, 3.4), (8.8, 4.0, 0.1)).fineness == (3,)  # of which no corner is near
     assert len(narrow.patches) > 6 * len(wide.patches)
     for films in (wide, narrow):
         films.answer_to_sky(1, 256, 0)
