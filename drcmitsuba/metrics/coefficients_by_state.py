@@ -47,8 +47,9 @@ class Coefficients:
 
         Without replicates, a state `open`, or with a single replicate, it raises InputError.
         """
-        if not {"state", "replicate", "replicates"} <= {*joined.dims, *joined.data_vars}:
-            got = "a dataset without state, replicate or replicates"
+        known = {*joined.dims, *joined.data_vars} if isinstance(joined, xr.Dataset) else set()
+        if not known >= {"state", "replicate", "replicates"}:
+            got = "what has no state, replicate or replicates"
             raise InputError("coefficients", "state, replicate", got, "give those of an evaluation")
         states = [str(state) for state in joined["state"].values]
         if OPEN not in states or joined.sizes["replicate"] < 2:

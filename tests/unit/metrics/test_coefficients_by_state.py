@@ -71,5 +71,6 @@ def test_states_written_one_by_one_are_those_joined(
 
 
 def test_what_is_no_coefficients_is_refused():
-    with pytest.raises(InputError, match="coefficients: state, replicate: a dataset without"):
-        Coefficients.of(xr.Dataset({"total": ("time", [100.0])}))
+    for given in (xr.Dataset({"total": ("time", [100.0])}), "coefficients.zarr"):
+        with pytest.raises(InputError, match="coefficients: state, replicate: what has no state"):
+            Coefficients.of(given)
