@@ -115,6 +115,11 @@ def settings(case: Case, daylight: Daylight) -> dict[str, Any]:
     }
 
 
+def settings_text(case: Case, daylight: Daylight) -> str:
+    """Origin of a result as JSON, an attribute of its arrays; equal texts are of one origin."""
+    return json.dumps(settings(case, daylight), ensure_ascii=False)
+
+
 def spaces_text(case: Case) -> str:
     """List of the spaces as JSON: name, use, storey, floor area [m²], target [lx], hours, power
     [W/m²] and groups of panes of each.
@@ -135,7 +140,7 @@ def attributes(case: Case, daylight: Daylight, enabled_effects: EnabledEffects) 
         "version": RELEASE,
         "method": METHOD,
         "spaces": spaces_text(case),
-        "settings": json.dumps(settings(case, daylight), ensure_ascii=False),
+        "settings": settings_text(case, daylight),
         "fingerprint": fingerprint(case, enabled_effects),
         "suns": int(enabled_effects.suns),
     }

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from drcmitsuba.annual.attributes import settings
+from drcmitsuba.annual.attributes import settings_text
 from drcmitsuba.annual.result import Result
 from drcmitsuba.annual.run import Run
 from drcmitsuba.case.case import Case
@@ -121,7 +121,7 @@ class LightTracing:
         case, light = self.case, self.light
         return {
             "case": case.name, "by_evaluation": int(self.by_evaluation),
-            "settings": json.dumps(settings(case, light), ensure_ascii=False),
+            "settings": settings_text(case, light),
             "notes": json.dumps(light.notes, ensure_ascii=False),
             "hours_left_out": float((~self._within.any(axis=0)).sum() * light.step_hours),
             **{name: light.sky.attrs[name] for name in ("latitude", "longitude")},
@@ -146,7 +146,7 @@ def _hours(
         path = Path(results) / "illuminance.nc"
         E = open_dataset(path, "time")
     case = planned.facts.case
-    if E.attrs.get("settings") != json.dumps(settings(case, light), ensure_ascii=False):
+    if E.attrs.get("settings") != settings_text(case, light):
         got = f"the results are not of {case.source}: of another version of it or its files, "
         got += "of some of its spaces, or of a choice of fills"
         raise InputError(path, "settings", got, "evaluate the case again, or name another folder")

@@ -96,7 +96,7 @@ def _drawn(case: Case) -> tuple[list[DrawnSurfaces], list[str]]:
     """Surfaces of a case by kind in its file's frame, and a line for each material of its panes."""
     from drcmitsuba.model.model import areas, role_of
     from drcmitsuba.plan.panes import used
-    from drcmitsuba.report.scene_view import DrawnSurfaces
+    from drcmitsuba.report.scene_view import DrawnSurfaces, cut
     from drcmitsuba.scene.geometry import in_file
     from drcmitsuba.scene.sun_visibility import outside
     from drcmitsuba.scene.surfaces import surfaces_of
@@ -117,8 +117,8 @@ def _drawn(case: Case) -> tuple[list[DrawnSurfaces], list[str]]:
             quads = quads[[quad.tobytes() not in grouped for quad in quads]]
         drawn.append(DrawnSurfaces(kind, quads))
     sides = used(case)
-    named = ((n if len(n) <= LONGEST else n[: LONGEST - 1] + "…", n, a) for n, a in size.items())
-    panes = [f"{short}: {a:.2f} m², {', '.join(sides.get(n, ()))}" for short, n, a in named]
+    rows = ((cut(n, LONGEST), a, ", ".join(sides.get(n, ()))) for n, a in size.items())
+    panes = [f"{name}: {area:.2f} m², {facings}" for name, area, facings in rows]
     placed = [one._replace(quads=in_file(case, one.quads)) for one in (*drawn, *by_group)]
     return placed, panes
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -41,7 +40,7 @@ def coefficients(case: CaseName, output: Output = Path("results"), weather: Weat
     The coefficients hold every sun above the horizon, whether it shines in this weather or not.
     """
     from drcmitsuba.annual import simulation
-    from drcmitsuba.annual.attributes import settings
+    from drcmitsuba.annual.attributes import settings_text
     from drcmitsuba.annual.run import Run
     from drcmitsuba.plan import plan
     from drcmitsuba.runtime import backend, storage
@@ -55,8 +54,8 @@ def coefficients(case: CaseName, output: Output = Path("results"), weather: Weat
             sources = daylight.daylight_and_year(loaded)
         run = Run.of(loaded, plan(loaded, sources).scope)
         C = simulation.coefficients(loaded, sources, replace(run, stage=stage))
-        origin = json.dumps(settings(given, sources), ensure_ascii=False)
-        C = C.assign_attrs(settings=origin)  # of the case whose results the next steps are
+        # The next steps give results of the case as it was given.
+        C = C.assign_attrs(settings=settings_text(given, sources))
         with stage("writing"):
             storage.save_zarr(C.parts(), output / "coefficients.zarr", along="state")
     show_notes(sources.notes)

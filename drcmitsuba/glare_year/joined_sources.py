@@ -1,7 +1,7 @@
 r"""Glare sources of a searched façade that join, whatever its shares are.
 
-What is bright and seen by elements side by side is one source, as for `sources.contrast_sums`, with
-the mean of its luminances and the position index P of its middle:
+Bright sky and films that elements show side by side are one source, as for `sources.contrast_sums`,
+with the mean of its luminances and the position index P of its middle:
 
 .. math:: S_J = \frac{A^2}{\Omega \, P^2(F)}, \qquad \Omega = \sum_e w_e \Omega_e, \qquad
           (A, F) = \sum_e w_e f_e (A_e, F_e)

@@ -90,10 +90,15 @@ class GlareYear:
     @property
     def counting(self) -> str:
         """Hours that shares count, for people."""
-        step = float(self.hours.attrs.get("step_hours", 1.0))
-        n, all_of = (step * count for count in (len(self.counted), self.hours.sizes["time"]))
+        n, all_of = self._counted_hours
         of_period = "all of" if n == all_of else "those with daylight of"
         return f"{n:g} h, {of_period} the period's {all_of:g} h"
+
+    @property
+    def _counted_hours(self) -> tuple[float, float]:
+        """Hours that shares count, and those of the period [h]."""
+        step = float(self.hours.attrs.get("step_hours", 1.0))
+        return step * len(self.counted), step * self.hours.sizes["time"]
 
     @cached_property
     def _drawn(self) -> tuple[dict[float, np.ndarray], np.ndarray]:
@@ -315,8 +320,8 @@ class GlareYear:
         from drcmitsuba.report.captions import period_text
 
         weather = Path(self.settings["weather_source"]).name
-        counted, _, of_all = self.counting.partition(", ")
-        every = f"; {counted} count, {of_all}" if of_all.startswith("those") else ""
+        n, all_of = self._counted_hours
+        every = f"; {n:g} h count, those with daylight of the period's {all_of:g} h" * (n != all_of)
         return f"{weather}; {period_text(self.case, self.hours)}{every}"
 
     def __repr__(self) -> str:

@@ -131,12 +131,12 @@ class SearchedEyes:
         views, place = len(self.looking), np.full(len(self.counted), -1)
         place[hours] = np.arange(len(hours))
         entries = flat_indices(hours[:, None] * views + np.arange(views))
-        numbers, sums = self.sources
+        (numbers, sums), here = self.sources, flat_indices(hours)
         return replace(
             self,
             channels=tuple((weight, year.at(hours)) for weight, year in self.channels),
             sources=(numbers, tuple(dr.gather(mi.Float, S, entries) for S in sums)),
-            joined=tuple(each.at(flat_indices(hours)) for each in self.joined),
+            joined=tuple(each.at(here) for each in self.joined),
             surfaces=tuple(_at(each, place, views) for each in self.surfaces),
             counted=self.counted[hours],
         )

@@ -141,7 +141,8 @@ def _cell_notes(case: Case) -> list[str]:
 def colour_notes(case: Case) -> list[str]:
     """Notes on spectra, which are read and checked; without bands, on those that take no part."""
     if not case.colour.wavelengths:
-        named = [key for key in OF_BANDS if getattr(case.colour, key) != getattr(Colour(), key)]
+        told, usual = case.colour, Colour()
+        named = [key for key in OF_BANDS if getattr(told, key) != getattr(usual, key)]
         return [f"colour: {', '.join(named)} take part with bands = 9 or 27 alone"] * bool(named)
     bands = Bands.of(case.colour.wavelengths)
     check_sources(case, bands)

@@ -201,7 +201,7 @@ def _views(ax: Axes, views: Mapping[str, np.ndarray]) -> None:
         flat = float(np.hypot(dx, dy))
         sideways, upward = (round(d / flat) if flat else 1 for d in (dx, dy))
         ax.annotate(
-            _cut(name, 29), (x + dx, y + dy), (4 * sideways, 4 * upward), fontsize=8,
+            cut(name, 29), (x + dx, y + dy), (4 * sideways, 4 * upward), fontsize=8,
             ha=("center", "left", "right")[sideways], va=("center", "bottom", "top")[upward],
             textcoords="offset points", color=VIEW["color"], path_effects=halo(2, "white"), **NAME,
         )  # fmt: skip
@@ -217,7 +217,7 @@ def _legend(figure: Figure, lines: Sequence[_Lines], count: int, names: Sequence
     if len(rows) > MOST_ROWS:
         more = f"… and {len(rows) - MOST_ROWS + 1} more"
         rows = [*rows[: MOST_ROWS - 1], (more, {"linestyle": ""})]
-    right = [Line2D([], [], label=_cut(text, WIDEST), **style) for text, style in rows]
+    right = [Line2D([], [], label=cut(text, WIDEST), **style) for text, style in rows]
     place: dict[str, Any] = {"loc": "upper left", "frameon": False, "borderaxespad": 0}
     figure.legend(handles=left, bbox_to_anchor=(0.50, 0.21), **place)
     place |= {"fontsize": 8, "labelcolor": GREY, "handlelength": 2.0 if groups else 0.0}
@@ -225,6 +225,6 @@ def _legend(figure: Figure, lines: Sequence[_Lines], count: int, names: Sequence
         text.set_parse_math(False)
 
 
-def _cut(text: str, width: int) -> str:
+def cut(text: str, width: int) -> str:
     """Text of at most so many characters."""
     return text if len(text) <= width else f"{text[: width - 1]}…"

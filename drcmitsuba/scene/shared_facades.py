@@ -217,12 +217,13 @@ def _groups_bringing(case: Case) -> Iterator[tuple[int, str, tuple[str, ...]]]:
     groups, bringing = prepared(case).groups, groups_with_surfaces(case)
     every = zip(groups.states.names, groups.states.states, groups.materials, strict=True)
     for group, (name, states, materials) in enumerate(every):
-        if name in bringing and materials:
+        if name not in bringing:
+            continue
+        if materials:
             got = "states of its own, and surfaces of the model's first one"
             remedy = "take the states of the model, or evaluate the case by itself"
             raise InputError(case.source, f"groups.{name}.states", got, remedy)
-        if name in bringing:
-            yield group, name, states
+        yield group, name, states
 
 
 _States = tuple[int, tuple[SurfaceMaterial | None, ...]]

@@ -73,8 +73,9 @@ def _may_be_shaded(quads: np.ndarray, corners: np.ndarray, reach: float) -> bool
     surfaces = corners.reshape(-1, 4 if len(corners) % 4 == 0 else 1, 3)
     for k, normal in enumerate(every):
         at, plane = surfaces @ normal, quads[of_quad.reshape(-1) == k, 0] @ normal
+        low, high = at.min(axis=1), at.max(axis=1)
         for depth in np.unique(plane.round(6)):
-            if ((at.min(axis=1) < depth - BEYOND) & (at.max(axis=1) > depth - reach)).any():
+            if ((low < depth - BEYOND) & (high > depth - reach)).any():
                 return True
     return False
 
