@@ -128,7 +128,7 @@ class ComposedFacade:
         C = C.assign_coords(prepared(self.case).receivers.coordinates.coords)
         if groups is not None and tiled.group is not None and state == OPEN:
             shares = tiled.shares(self.share)
-            by = group_of_sun(tiled.channels, shares, tiled.group, len(groups.rule.groups))
+            by = group_of_sun(tiled.standing(0), shares, tiled.group, len(groups.rule.groups))
             C = C.assign(pane_group=(("sensor", "bin"), by))
         progress(1)
         return C

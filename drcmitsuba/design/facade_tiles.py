@@ -22,6 +22,7 @@ from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.tiled_facades import TiledFacades
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.transport.elements import LightByElement
+from drcmitsuba.transport.elements.light_of_surfaces import AnyLight
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ class TiledLight:
     closings: tuple[np.ndarray, ...]
     """Matrices (element, element) that turn shares into those of each state but the open one, that
     of the shade before all that it covers first."""
-    channels: tuple[LightByElement, ...]
+    channels: tuple[AnyLight, ...]
     """Light of every colour channel; one of a grey case."""
     groups: FacadeGroups | None = None
     """Groups of panes that close one by one; None where one shade closes."""
@@ -100,7 +101,7 @@ class TiledLight:
 
     @classmethod
     def of(
-        cls, tiled: TiledFacades, tiles: int, channels: tuple[LightByElement, ...],
+        cls, tiled: TiledFacades, tiles: int, channels: tuple[AnyLight, ...],
         groups: FacadeGroups | None = None, openings: LitOpenings | None = None,
     ) -> TiledLight:  # fmt: skip
         """Put light to tiles.
@@ -111,7 +112,7 @@ class TiledLight:
             Tiles of a grid, from `TiledFacades.of_grid`.
         tiles : int
             Number of tiles of the grid, which come first.
-        channels : tuple of LightByElement
+        channels : tuple of AnyLight
             Light of all tiles in every colour channel.
         groups : FacadeGroups, optional
             Groups of panes that close one by one, see `groups_of`; by default one shade closes.
@@ -173,7 +174,16 @@ class TiledLight:
     def coefficients(self, composition: np.ndarray, state: int = 0) -> xr.Dataset:
         """Coefficients of a composition [sr]; arguments as for `shares`."""
         shares = self.shares(composition, state)
-        return joined_channels([light.coefficients(shares) for light in self.channels])
+        return joined_channels([light.coefficients(shares) for light in self.standing(state)])
+
+    def standing(self, state: int) -> tuple[LightByElement, ...]:
+        """Light of every channel by the surfaces that stand in a state, as for `shares`."""
+        still = self.still(state)
+        return tuple(light.standing(still) for light in self.channels)
+
+    def still(self, state: int) -> np.ndarray:
+        """Shares of all elements in empty tiles, shape (element,); `state` as for `shares`."""
+        return self.shares(np.zeros((len(self.tiles), len(self.materials))), state)
 
 
 def groups_of(tiled: TiledFacades, case: Case, time: xr.DataArray) -> FacadeGroups | None:

@@ -17,6 +17,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.schema import channel_weights
 from drcmitsuba.sky.daylight import Daylight
+from drcmitsuba.transport.elements.smooth_states import SmoothStates
 from drcmitsuba.transport.elements.smooth_year import SmoothYear
 from drcmitsuba.transport.elements.state_illuminances import Illuminances, weighed
 from drcmitsuba.transport.elements.straight_pairs import StraightPairs
@@ -33,7 +34,7 @@ class FacadeYear:
     """Material of every element, "" for light that passes no tile."""
     still: mi.Float
     """Shares of the elements of other sides, the shade open; 1 for light that passes no tile."""
-    channels: tuple[tuple[float, SmoothYear], ...]
+    channels: tuple[tuple[float, SmoothYear | SmoothStates], ...]
     """Weight in luminance and year of every colour channel; one of a grey case."""
     place: mi.Int32 | None = None
     """Place of every element in a composition, −1 where it is `still`; None where those of the
@@ -52,10 +53,12 @@ class FacadeYear:
         cls, tiled: TiledLight, daylight: Daylight, eyes: TracedEyes | None = None
     ) -> FacadeYear:
         """Put light by tile under the daylight of a case; errors are those of `SmoothYear.of`."""
-        years = [
-            SmoothYear.of(light, daylight, tiled.is_open, tiled.closings, tiled.group)
-            for light in tiled.channels
-        ]
+        how = daylight, tiled.is_open, tiled.closings, tiled.group
+        years: list[SmoothYear | SmoothStates] = [
+            SmoothStates.of(lights, *how) if len({*map(id, lights)}) > 1
+            else SmoothYear.of(lights[0], *how)
+            for lights in zip(*map(tiled.standing, range(1 + len(tiled.closings))), strict=True)
+        ]  # fmt: skip
         weights = channel_weights(len(years))
         still, names = flat(np.append(tiled.as_drawn, 1)), (*tiled.names, "")
         channels = tuple(zip(weights, years, strict=True))
@@ -108,14 +111,7 @@ class FacadeYear:
 
     def with_cut_tiles(self, cut: CutTiles) -> FacadeYear:
         """Year whose tiles are cut into panes where they are built."""
-
-        def passed(year: SmoothYear) -> SmoothYear:
-            straight, *groups = (
-                cut.passed(pairs, year.labels) for pairs in (year.straight, *year.groups)
-            )
-            return replace(year, straight=straight, groups=tuple(groups))
-
-        channels = tuple((weight, passed(year)) for weight, year in self.channels)
+        channels = tuple((w, year.with_straight(cut.passed)) for w, year in self.channels)
         return replace(self, channels=channels, cut=cut)
 
     def built(

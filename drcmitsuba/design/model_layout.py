@@ -19,6 +19,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from drcmitsuba.annual.light_with_surfaces import simulate_sets
 from drcmitsuba.annual.result import Result, evaluate
 from drcmitsuba.annual.run import Run
 from drcmitsuba.case.case import Case
@@ -42,6 +43,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.runtime.random_streams import Stream, case_seed
 from drcmitsuba.runtime.toml import choose, shortened
+from drcmitsuba.scene.panes_in_state import refuse_surfaces
 from drcmitsuba.scene.tiled_walls import WallPane
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.daylight import daylight as daylight_of
@@ -123,6 +125,8 @@ class ModelLayout:
         self, stage: Stage = silent, eyes: EyesOfCase | None = None
     ) -> tuple[TiledLight, Daylight]:
         """Light by tile and fill, and the daylight of the case's period."""
+        if eyes is not None:
+            refuse_surfaces(self.case)
         with stage("sky"):
             daylight = daylight_of(self.case)
             asked_of(self.case, daylight)  # refused before any light is traced
@@ -130,6 +134,7 @@ class ModelLayout:
         run = replace(Run.of(self.case), stage=stage)
         channels, scope = self.openings.light(self.case, daylight, run)
         tiled = self.openings.tiled(channels, daylight.sky["time"])
+        simulate_sets(channels, np.stack([*map(tiled.still, range(1 + len(tiled.closings)))]), run)
         if eyes is not None:
             facades = self.openings.facades
             lit = LitOpenings(facades.case, facades.panes, scope, eyes)

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 import xarray as xr
 
-from drcmitsuba.annual.chosen_facade import light_of_channels
+from drcmitsuba.annual.light_with_surfaces import light_with_surfaces
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.variants import SharedElements, joined_effects
 from drcmitsuba.case.case import Case
@@ -36,13 +36,12 @@ from drcmitsuba.runtime.toml import choose, fits, shortened
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.like_panes import NO_GROUP, LikePanes, like_panes
 from drcmitsuba.scene.pane_groups import further_materials
-from drcmitsuba.scene.panes_in_state import refuse_surfaces
 from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.shared_facades import SharedFacades
 from drcmitsuba.scene.tiled_walls import TiledWalls
 from drcmitsuba.sky.daylight import Daylight
-from drcmitsuba.transport.elements import LightByElement
+from drcmitsuba.transport.elements.light_of_surfaces import AnyLight
 
 
 @dataclass(frozen=True)
@@ -66,14 +65,7 @@ class SearchedOpenings:
 
     @classmethod
     def of_panes(cls, case: Case, film: str, names: Collection[str]) -> SearchedOpenings:
-        """Panes of some names, as from `meant_panes`.
-
-        Raises
-        ------
-        InputError
-            A group of the case has states with surfaces of their own.
-        """
-        refuse_surfaces(case)
+        """Panes of some names, as from `meant_panes`."""
         every = tuple(like_panes(case))
         searched = tuple(g for g, panes in enumerate(every) if str(panes) in names)
         covered = with_fill(case, film, [every[g].name for g in searched])
@@ -84,10 +76,9 @@ class SearchedOpenings:
     def of_walls(cls, case: Case, design: Design, film: str) -> SearchedOpenings:
         """Tiles of the walls that `[design]` names, then the panes that it names, if any.
 
-        Errors are those of `TiledWalls.of`, `meant_panes` and `of_panes`; a material of these panes
-        cannot be that of new windows.
+        Errors are those of `TiledWalls.of` and `meant_panes`; a material of these panes cannot be
+        that of new windows.
         """
-        refuse_surfaces(case)
         clear, walls = clear_of(case, design), tiled_walls(case, design)
         names = meant_panes(case, design) if design.panes or design.groups else ()
         panes = {panes.layer: panes for panes in like_panes(walls.case)}
@@ -119,15 +110,18 @@ class SearchedOpenings:
 
     def light(
         self, case: Case, light: Daylight, run: Run
-    ) -> tuple[tuple[LightByElement, ...], EnabledEffects]:
-        """Light of all openings with all of their fills, and the effects that it holds."""
+    ) -> tuple[tuple[AnyLight, ...], EnabledEffects]:
+        """Light of all openings with all of their fills, and the effects that it holds.
+
+        Of surfaces that states bring, those that are drawn stand.
+        """
         accuracy = run.accuracy(case)
         filled = [each.with_tables(accuracy=case.accuracy) for each in self.variants[1:]]
         scope = joined_effects([plan(each, light).scope for each in filled])
         facades = self.facades
         with run.timed("light by pane") as done:
-            channels = light_of_channels(
-                facades.case, facades.panes, light.suns, accuracy, scope, done
+            channels = light_with_surfaces(
+                facades.case, facades.panes, facades.bringing, light.suns, accuracy, scope, done
             )
         return channels, scope
 
@@ -195,7 +189,7 @@ class SearchedOpenings:
         area = float(self.tiles.area.sum()) if walls is None else walls.area
         return FacadeParts(area, tuple(fills), (*named, *map(str, self.panes)), upright, glass)
 
-    def tiled(self, channels: tuple[LightByElement, ...], time: xr.DataArray) -> TiledLight:
+    def tiled(self, channels: tuple[AnyLight, ...], time: xr.DataArray) -> TiledLight:
         """Light as tiles of a façade have it."""
         count = self._count
         place, still = np.full(count, -1), np.zeros(count, np.float32)
@@ -207,6 +201,8 @@ class SearchedOpenings:
                 place[element] = 3 * tile_of[g] + column
             else:
                 still[element] = 1
+        for place_of_surfaces, _ in self._bringing():
+            still[place_of_surfaces.element] = 1
         groups = self.groups(time)
         by_element = {place.element: place for place, _ in self._closings()}
         places = [] if groups is None else [*by_element.values()]
@@ -266,6 +262,7 @@ class SearchedOpenings:
         case, starts = self.variants[1], self.facades.panes.states.starts
         shade, closing, groups = case.shading, prepared(case).groups, [*case.groups.values()]
         variants = zip(self.facades.drawn, self.facades.members, strict=True)
+        yield from self._bringing()
         for number, (drawn, members) in enumerate(variants):
             for g, row in drawn.items():
                 panes, element = self.every[g], starts[g] + int(row.argmax())
@@ -279,6 +276,13 @@ class SearchedOpenings:
                         names = self.facades.panes.states.states[g]
                         closed = starts[g] + names.index(shade.material, 1)
                         yield Place(element, group, (closed,)), (shade.material,)
+
+    def _bringing(self) -> Iterator[tuple[Place, tuple[str, ...]]]:
+        """Yield, as `_closings`, the elements of groups whose states bring surfaces."""
+        starts, members = self.facades.panes.states.starts, self.facades.members[1]
+        for g in self.facades.bringing:
+            further = tuple(starts[g] + f for f in members[g].fills)
+            yield Place(starts[g], members[g].group, further), ()
 
 
 def meant_panes(case: Case, design: Design) -> tuple[str, ...]:

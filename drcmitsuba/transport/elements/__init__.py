@@ -23,9 +23,10 @@ illuminance
     A year of known shares, of which no coefficients are kept.
 known_year, year_by_bin
     Illuminances of a year by element; those of few façades, each from its own coefficients.
-state_illuminances, mixed_rows, smooth_return, smooth_year
+state_illuminances, mixed_rows, smooth_return, smooth_year, smooth_states
     E of a period in every state of a façade; weighted sums of arrays; what openings send
-    back, and the smooth twin of a year of known light, whose derivatives by the shares are exact.
+    back, and the smooth twin of a year of known light, whose derivatives by the shares are exact;
+    twins of states that bring surfaces of their own.
 """
 
 from drcmitsuba.transport.elements.illuminance import illuminance

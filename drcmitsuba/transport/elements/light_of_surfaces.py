@@ -7,7 +7,7 @@ turns, snow, leaves.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -116,6 +116,15 @@ class LightOfSurfaces:
     def standing(self, shares: np.ndarray) -> LightByElement:
         """Light by the surfaces that stand by the shares of all elements (element,)."""
         return self.of(self.fills(shares))
+
+    def scaled(self, factors: np.ndarray) -> LightOfSurfaces:
+        """Light with factors of each element, as `LightByElement.scaled`."""
+
+        def made(fills: Fills, most: int, progress: Progress) -> LightByElement:
+            return self.make(fills, most, progress).scaled(factors)
+
+        known = {fills: light.scaled(factors) for fills, light in self.known.items()}
+        return replace(self, make=made, known=known)
 
     def illuminance(self, L: csr_matrix, shares: np.ndarray) -> Iterator[np.ndarray]:
         """Yield the illuminance (time, sensor) [lx] of a year by each replicate."""

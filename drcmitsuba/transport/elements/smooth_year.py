@@ -25,8 +25,11 @@ from drcmitsuba.sky.luminances import blended
 from drcmitsuba.transport.elements.light import ElementLight, LightByElement
 from drcmitsuba.transport.elements.mixed_rows import Rows, mixed
 from drcmitsuba.transport.elements.smooth_return import SmoothReturn
-from drcmitsuba.transport.elements.state_illuminances import Illuminances
+from drcmitsuba.transport.elements.state_illuminances import Illuminances, evaluated
 from drcmitsuba.transport.elements.straight_pairs import StraightPairs
+
+ChangePairs = Callable[[StraightPairs, Sequence[str]], StraightPairs]
+"""Function of pairs and the labels of their bins."""
 
 
 class _Part(NamedTuple):
@@ -197,15 +200,25 @@ class SmoothYear:
         Illuminances
             E [lx].
         """
+        return evaluated(self.states(shares, factors), self.straight_light(shares * factors))
+
+    def states(self, shares: mi.Float, factors: mi.Float) -> list[mi.TensorXf]:
+        """E [lx] in the open state and in every further one; parameters as for `illuminance`."""
         E, *behind = map(self._accumulated, self.coefficients(shares, factors))
-        shaded, *others = behind or [E] * len(self.closings) or [E]
-        direct, *by_group = self.straight_sun(lambda pairs: pairs.weighed(shares * factors))
-        dr.eval(E, shaded, *others, direct, *by_group)  # else each metric would compute them again
-        return Illuminances(E, shaded, direct, tuple(others), tuple(by_group))
+        return [E, *(behind or [E] * len(self.closings))]
+
+    def straight_light(self, weights: mi.Float) -> list[mi.TensorXf]:
+        """E by straight sun [lx], as `straight_sun`, by weights (element + 1,)."""
+        return self.straight_sun(lambda pairs: pairs.weighed(weights))
 
     def straight_sun(self, weighed: Callable[[StraightPairs], mi.Float]) -> list[mi.TensorXf]:
         """E by straight sun [lx], all of it and that by each group, of C that pairs weigh up to."""
         return [self._by_sun(weighed(pairs)) for pairs in (self.straight, *self.groups)]
+
+    def with_straight(self, change: ChangePairs) -> SmoothYear:
+        """Year with other pairs of straight light, made of these and the labels of the bins."""
+        straight, *groups = (change(pairs, self.labels) for pairs in (self.straight, *self.groups))
+        return replace(self, straight=straight, groups=tuple(groups))
 
     def coefficients(self, shares: mi.Float, factors: mi.Float) -> tuple[mi.Float, ...]:
         """C of the open state and of every further one, flat (bin, sensor) [sr].

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
+import drjit as dr
 import mitsuba as mi
 
 
@@ -40,6 +41,17 @@ class Illuminances(NamedTuple):
         is_open, shaded, *others = map(change, self.states)
         direct, *by_group = map(change, (self.direct, *self.by_group))
         return Illuminances(is_open, shaded, direct, tuple(others), tuple(by_group))
+
+
+def evaluated(states: Sequence[mi.TensorXf], straight: Sequence[mi.TensorXf]) -> Illuminances:
+    """Illuminance of states, and by straight sun: all of it, then that by each group of panes.
+
+    It is computed here: else each metric would compute it again.
+    """
+    dr.eval(states, straight)
+    (E, *others), (direct, *by_group) = states, straight
+    shaded = others.pop(0) if others else E
+    return Illuminances(E, shaded, direct, tuple(others), tuple(by_group))
 
 
 def weighed(parts: Iterable[tuple[float, Illuminances]]) -> Illuminances:
