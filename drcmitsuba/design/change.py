@@ -52,7 +52,7 @@ class Move:
 
 @dataclass(frozen=True)
 class Change:
-    """What would have to change for a level of a standard."""
+    """Least change of a façade for a level of a standard."""
 
     standard: str
     level: str

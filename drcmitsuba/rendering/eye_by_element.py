@@ -1,4 +1,4 @@
-"""What rays of the eye show, by element: rays are followed with each fill in all openings.
+"""Rays of the eye by element: they are followed with each fill in all openings.
 
 Ends beyond an opening count in the trace of each fill that it has, those beside all openings in the
 first trace alone. Parts of scenes and entries of glow tables are counted on from fill to fill.

@@ -65,11 +65,11 @@ class ViewGlow:
         return len(self.table) if self.layout is None else dr.width(self.layout.entry)
 
     def of_eye(self, values: mi.Float, each: int = 1) -> mi.Float:
-        """What rays of the eye see of values of the table, flat (replicate, entry, each)."""
+        """Values of the table as rays of the eye see them, flat (replicate, entry, each)."""
         return values if self.layout is None else self._laid_out(values, each, self.layout.seen)
 
     def of_surfaces(self, values: mi.Float, each: int = 1) -> mi.Float:
-        """What surfaces that look at panes get, likewise."""
+        """Values as surfaces get them that look at panes, likewise."""
         return values if self.layout is None else self._laid_out(values, each, self.layout.looked)
 
     def _laid_out(self, values: mi.Float, each: int, share: mi.Float) -> mi.Float:

@@ -40,7 +40,7 @@ class KnownYear:
     element that gives light, and by `BESIDES` with the elements that are the same in all façades
     [lx], shape (replicate, time, receiver)."""
     _means: dict[bytes, dict[int, np.ndarray]] = field(default_factory=dict, init=False, repr=False)
-    """What is kept of `of_means`."""
+    """Results of `of_means` that are kept."""
 
     @staticmethod
     def nbytes(light: LightByElement, hours: int) -> int:

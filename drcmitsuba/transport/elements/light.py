@@ -155,7 +155,7 @@ class LightByElement:
     _sent_back: dict[bytes, tuple[np.ndarray, ...]] = field(
         default_factory=dict, init=False, repr=False
     )
-    """What is kept of `sent_back`, the latest last."""
+    """Results of `sent_back` that are kept, the latest last."""
 
     @property
     def replicates(self) -> int:

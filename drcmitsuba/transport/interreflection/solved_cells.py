@@ -133,7 +133,7 @@ class Transfer:
     _followed: dict[tuple[int, int, int], _LastBounces] = field(
         default_factory=dict, init=False, repr=False
     )
-    """What sensors have gathered, by the first and the last of them and the replicate."""
+    """Light that sensors have gathered, by the first and the last of them and the replicate."""
 
     @property
     def cells(self) -> int:
