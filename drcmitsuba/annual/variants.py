@@ -107,7 +107,8 @@ class SharedElements:
             remarks, planned = [], []
             for case in judged:  # models of a study are read anew
                 # Notes read the films' files, which may be unfit.
-                remarks.append([*notes(case), *without_rounds(case.accuracy.sensor_goal)])
+                told = [] if case.output.illuminance == "all" else [WITHOUT]
+                remarks.append([*notes(case), *without_rounds(case.accuracy.sensor_goal), *told])
                 planned.append(plan(case, light))
             scope = joined_effects([each.scope for each in planned])
         with run.timed("elements") as done:
@@ -119,7 +120,6 @@ class SharedElements:
     def evaluate(self, number: int) -> Result:
         """Evaluate one of the cases."""
         planned = self.planned[number]
-        case = planned.facts.case
         run = replace(
             self.run, enabled_effects=planned.scope, seconds=dict(self.run.seconds),
             ray_counter=Counter(self.run.ray_counter),
@@ -131,8 +131,9 @@ class SharedElements:
             self._known, self.facades.factors[number] if self.facades.factors else 1.0,
         )  # fmt: skip
         simulate_scheduled(facade, self.light, run)
-        remarks = [*self.remarks[number], *([] if case.output.illuminance == "all" else [WITHOUT])]
-        return recombined(facade, planned, self.light, run, remarks, case.name)
+        return recombined(
+            facade, planned, self.light, run, self.remarks[number], planned.facts.case.name
+        )
 
     @cached_property
     def _known(self) -> KnownLight:

@@ -75,6 +75,9 @@ class ModelLayout:
         if design is None or design.film is None:
             got = "no film is named"
             raise InputError(case.source, "design.film", got, "name a material of [materials]")
+        if design.parameters == "window" and "parameters" in design.model_fields_set:
+            got, remedy = "panes and walls of a model are no one window", 'give "strips"'
+            raise InputError(case.source, "design.parameters", got, remedy)
         case.refuse_overruled("the search for a façade")
         films = [name for name in case.panes if not case.is_clear(name)]
         if design.film not in films:

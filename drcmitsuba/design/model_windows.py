@@ -38,9 +38,6 @@ def clear_of(case: Case, design: Design) -> str:
     InputError
         There is no such glazing, or `[design]` asks for what walls of a model have not.
     """
-    if design.parameters == "window" and "parameters" in design.model_fields_set:
-        got, remedy = "the tiles of a model's walls are no one window", 'give "strips"'
-        raise InputError(case.source, "design.parameters", got, remedy)
     if design.wwr == "fixed":
         got, remedy = "fixed: the walls would get no window", "give wwr = [low, high]"
         raise InputError(case.source, "design.wwr", got, remedy)

@@ -184,7 +184,7 @@ def _in_toml(message: str) -> str:
 
 def shortened(value: object) -> str:
     """Write a value as in TOML, cut to 60 characters."""
-    text = json.dumps(value, default=str)
+    text = json.dumps(value, default=str, ensure_ascii=False)
     return text if len(text) <= 60 else text[:57] + "..."
 
 

@@ -197,7 +197,7 @@ def _in_spaces(group: Group, space: str) -> bool:
 
 def facade_name(space: str, facing: str) -> str:
     """Name of the group of panes of a space that face a direction."""
-    return f"{space.replace('/', '-')} {facing}".strip()
+    return f"{space} {facing}".strip()
 
 
 def further_materials(case: Case, group: Group) -> tuple[str, ...]:

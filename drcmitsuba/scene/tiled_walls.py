@@ -179,6 +179,7 @@ def _tiles(
                 name = f"{wall.space.replace('/', '-')} window {numbers[wall.space]}"
                 while name in taken:
                     name += "'"
+                taken.add(name)
                 bounds = np.array(shape.bounds)[[0, 2, 1, 3]] - [left, left, foot, foot]
                 column = k % segments
                 tiles.append(WallTile(name, w, column, tuple(bounds.tolist()), layer, shape))

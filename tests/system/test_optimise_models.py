@@ -158,6 +158,7 @@ def test_panes_are_chosen_by_name(run, tmp_path, monkeypatch):
         (DESIGN + 'side = "west"\n', "no clear pane is meant"),
         (DESIGN + "shade_vlt = [0.2, 0.5]\n", 'design.shade_vlt: "shade" and "opal" are the same'),
         (DESIGN + "glazing_transmittance = [0.2, 0.5]\n", '"pane_1" stands within rooms, too'),
+        (DESIGN + 'parameters = "window"\n', "panes and walls of a model are no one window"),
         (DESIGN.replace("opal", "pane_1"), 'design.film: "pane_1" is no such material'),
     ],
 )

@@ -426,7 +426,7 @@ def test_the_command_writes_windows_that_a_case_reads(run, tmp_path, monkeypatch
         ('wwr = "fixed"', "design.wwr: fixed: the walls would get no window"),
         ("wwr = [0.01, 0.1]", "at most 0.1, the panes as drawn take 0.167 of the walls"),
         ("wwr = [0.9, 1.0]", "a window-to-wall ratio of 0.9, the tiles have"),
-        ('parameters = "window"', "design.parameters: the tiles of a model's walls are no one"),
+        ('parameters = "window"', "design.parameters: panes and walls of a model are no one"),
         ('panes = ["door"]', "design.panes: no clear pane is meant"),
         ('clear = "generic_exterior_window_vis_0.64"\npanes = ["*"]', 'design.clear: "generic_ext'),
         ('clear = "opal"', 'design.clear: "opal" is no such material'),

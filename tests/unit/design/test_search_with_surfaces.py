@@ -82,7 +82,9 @@ def test_a_search_and_its_evaluation_afresh_agree(tmp_path):
     problem = layout.problem(layout.year())
     found = optimise(problem, layout.search, known=layout.known(problem))
     _, E = problem.illuminance(problem.values(mi.Float(found.best.x)))
-    afresh = layout.afresh(found).illuminance
+    result = layout.afresh(found)
+    assert not any("variants" in note for note in result.metrics["settings"]["notes"])
+    afresh = result.illuminance
     np.testing.assert_array_equal(
         problem.year.groups.indices[problem.measure.states(E)], afresh["facade_state"]
     )

@@ -1,8 +1,8 @@
-"""Patterns of names: `*` stands for any text, all other signs for themselves."""
+"""Names and their patterns: `*` stands for any text, all other signs for themselves."""
 
 import pytest
 
-from drcmitsuba.runtime.toml import fits
+from drcmitsuba.runtime.toml import choose, fits
 
 
 @pytest.mark.parametrize(
@@ -19,3 +19,7 @@ from drcmitsuba.runtime.toml import fits
 )  # fmt: skip
 def test_stars_alone_are_wild(name, pattern, is_meant):
     assert fits(name, ["other", pattern]) == is_meant
+
+
+def test_names_are_told_as_they_are_typed():
+    assert choose("Buro", ["Büro", "模型"]) == 'choose from: "Büro", "模型"'

@@ -9,7 +9,8 @@ import pytest
 
 import drcmitsuba
 from drcmitsuba.case.design import Design
-from drcmitsuba.model.materials import Lambertian
+from drcmitsuba.case.shading import Shading
+from drcmitsuba.model.materials import DiffuserMaterial, Lambertian
 from drcmitsuba.model.model import areas
 from drcmitsuba.model.polygon import area_vector
 from drcmitsuba.runtime import backend
@@ -17,6 +18,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.leaks import crack_notes, refuse_leaks
 from drcmitsuba.scene.like_panes import like_panes
 from drcmitsuba.scene.panes_of_model import panes_of_model
+from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.space_walls import walls_of
 from drcmitsuba.scene.tiled_walls import TiledWalls, WallPane
 from tests import ROOT
@@ -74,6 +76,16 @@ def test_a_wall_is_cut_by_its_grid_and_its_panes_stay(tmp_path):
     assert panes.front[mine] == pytest.approx(np.tile([0.0, 1.0, 0.0], (10, 1)))
     opened = [tiled.case.building.layers[i] for i in tiled.layers]
     assert {x.material for x in opened} == {Lambertian(0.5)}
+
+
+def test_rooms_whose_names_are_nearly_alike_have_tiles_and_shades_of_their_own(tmp_path):
+    rooms = box.room("one", display_name="A/1"), box.room("two", 5.0, display_name="A-1")
+    case = honeybee(tmp_path, *rooms)
+    tiles = TiledWalls.of(case, design(side="south"), 1, 1).tiles
+    assert len({tile.name for tile in tiles}) == len(tiles) == 2
+    fabric = {"fabric": DiffuserMaterial(type="diffuser", transmittance=0.1)}
+    shaded = case.with_tables(materials=fabric, shading=Shading(material="fabric", groups="spaces"))
+    assert prepared(shaded).groups.states.names == ("A/1 south", "A-1 south")
 
 
 def test_the_gable_of_the_page_is_cut_along_the_roof(tmp_path):
