@@ -4,8 +4,8 @@ parameters, free_transmittances
     Values with bounds and a start; transmittances of panes and of the shade among them.
 slopes
     Gradients of a design's numbers, computed when they are first asked for.
-measure
-    Rating of a year, smooth and hard.
+measure, candidate
+    Rating of a year, smooth and hard; a composition with both.
 facade_maps, facade_tiles, cut_tiles
     From parameters to façades; their tiles; straight sun by the strips that tiles are built of.
 facade_groups, facade_glare

@@ -6,7 +6,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from drcmitsuba.design.problem import EQUAL, FacadeCandidate, FacadeProblem
+from drcmitsuba.design.candidate import EQUAL, FacadeCandidate
+from drcmitsuba.design.problem import FacadeProblem
 from drcmitsuba.design.search import History
 from drcmitsuba.runtime.progress import Progress
 

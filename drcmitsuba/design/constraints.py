@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from drcmitsuba.design.problem import FacadeCandidate
+from drcmitsuba.design.candidate import FacadeCandidate
 
 At = Callable[[np.ndarray], FacadeCandidate]
 """Evaluates x (free,)."""

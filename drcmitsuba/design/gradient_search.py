@@ -18,9 +18,10 @@ import numpy as np
 from scipy.optimize import minimize
 
 from drcmitsuba.design.area_search import FacadeHistory
+from drcmitsuba.design.candidate import FacadeCandidate
 from drcmitsuba.design.constraints import aim_constraint, area_constraints, limit_constraint
 from drcmitsuba.design.hard_search import best_within
-from drcmitsuba.design.problem import FacadeCandidate, FacadeProblem
+from drcmitsuba.design.problem import FacadeProblem
 from drcmitsuba.runtime.progress import Progress
 
 LAST = 12

@@ -15,8 +15,9 @@ from itertools import product
 import numpy as np
 
 from drcmitsuba.design.area_search import FacadeHistory
+from drcmitsuba.design.candidate import FacadeCandidate
 from drcmitsuba.design.measure import HARD
-from drcmitsuba.design.problem import FacadeCandidate, FacadeProblem
+from drcmitsuba.design.problem import FacadeProblem
 from drcmitsuba.runtime.progress import Progress
 
 LEVELS = {1: 101, 2: 15}

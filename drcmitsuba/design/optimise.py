@@ -22,6 +22,7 @@ import pandas as pd
 
 from drcmitsuba.case.design import Design
 from drcmitsuba.design.area_search import FacadeHistory, lower_area
+from drcmitsuba.design.candidate import EQUAL, FacadeCandidate
 from drcmitsuba.design.gradient_search import LAST, QUICK, continuation
 from drcmitsuba.design.hard_search import (
     FEW,
@@ -34,7 +35,7 @@ from drcmitsuba.design.hard_search import (
     sweeps,
 )
 from drcmitsuba.design.measure import ASE_TOLERANCE
-from drcmitsuba.design.problem import EQUAL, FacadeCandidate, FacadeProblem
+from drcmitsuba.design.problem import FacadeProblem
 from drcmitsuba.design.search import History, LocalSearch, Optimum, row, run
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError

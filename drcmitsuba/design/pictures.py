@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from drcmitsuba.design.candidate import FacadeScore
 from drcmitsuba.design.facade_tiles import Tiles
 from drcmitsuba.design.measure import NAMES
 from drcmitsuba.design.optimise import Front
-from drcmitsuba.design.problem import FacadeScore
 from drcmitsuba.design.realise import pieces_of
 from drcmitsuba.design.search import Optimum
 from drcmitsuba.design.tilt_search import TiltOptimum
