@@ -81,12 +81,6 @@ class FacadeGroups:
         """Groups at some time stamps (hour,)."""
         return replace(self, time=self.time[hours])
 
-    @property
-    def is_plain(self) -> bool:
-        """Whether one shade closes by the sun on one grid."""
-        is_one = len(self.rule.groups) == 1 and bool(self.rule.by_rule[0])
-        return is_one and not self.grid.any() and not self.outside.any()
-
     @cached_property
     def _scheduled(self) -> np.ndarray:
         """State of every group while none closes by the rule, an index, int, (time, group)."""

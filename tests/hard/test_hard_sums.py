@@ -12,7 +12,7 @@ import xarray as xr
 from drcmitsuba.design.room_matrices import Sums
 from drcmitsuba.metrics import accumulate, smooth
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
-from drcmitsuba.metrics.intervals.draw import _mean_illuminance
+from drcmitsuba.metrics.intervals.draw import _means
 from drcmitsuba.metrics.intervals.facade_draws import Closures
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene as scenes
@@ -175,7 +175,7 @@ def test_mean_over_more_sensors_than_single_precision_counts(holds):
         {"time": time, "bin": np.array(["sky_0"], object),
          "sun_bin": ("time", np.array(["", ""], object))},
     )  # fmt: skip
-    E = _mean_illuminance(Coefficients.of(C), light, Closures.never(2)).value
+    E = _means(Coefficients.of(C), light, Closures.never(2)).mean()
     exact = float(np.float32(0.1)) * 1000.01 / 2
     holds("mean E", abs(E / exact - 1), ENOUGH)
 

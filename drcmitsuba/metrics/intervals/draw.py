@@ -130,11 +130,6 @@ def _shares(autonomy: BootstrapCounts, exposure: BootstrapCounts, grid: int) -> 
     return DrawnShares({"sDA": sda, "ASE": ase}, {"msDA": msda, "MSE": mse})
 
 
-def _mean_illuminance(coefficients: Coefficients, sky: xr.Dataset, shut: Closures) -> Interval:
-    """Mean over hours and sensors [lx], from its replicates."""
-    return _interval(_means(coefficients, sky, shut))
-
-
 def _means(coefficients: Coefficients, sky: xr.Dataset, shut: Closures) -> np.ndarray:
     """Mean over hours and sensors by each replicate [lx], shape (replicate,)."""
     total = np.zeros(coefficients.open.sizes["replicate"])

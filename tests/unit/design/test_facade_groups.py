@@ -107,7 +107,6 @@ def test_some_hours_are_in_the_states_of_all(scheduled):
 
 def test_one_group_is_the_one_shade():
     groups = facade(ShadeRule(GroupStates.of_shade(), 1000.0, 0.1))
-    assert groups.is_plain
     E = year(groups)
     closed = smooth.shade_closed(E.direct, 1000.0, 0.1, sharpness=8.0)
     plain = smooth.applied(E.open, E.shaded, closed).numpy()
