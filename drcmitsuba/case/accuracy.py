@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
 from pydantic import Field, model_validator
@@ -19,6 +20,10 @@ MOST_TIMES = {
 """Largest factors of samples where points are few: beyond these the error comes from elsewhere."""
 SMALLEST_CELL = 1e-3
 """Least size of a cell [m]."""
+OF_EXTENT = 5
+"""Number of cells across the least extent of small rooms, such as those of a scale model."""
+MOST_CELLS = 20_000
+"""Largest number of cells of small rooms."""
 AT_SENSORS = "% at each sensor"
 """Unit of a target for the illuminance of the hours at every sensor, and at every eye."""
 OF_GLARE = "point of glare hours"
@@ -68,7 +73,8 @@ class Accuracy(Table):
     cell_paths: Annotated[int, Field(ge=1, le=1 << 16)] = 32
     """Transfer T: number of rays from a cell to others."""
     cell_size: Annotated[float, Field(ge=SMALLEST_CELL, le=100)] = 0.45
-    """Edge of the cubes that cut diffuse surfaces into cells [m]."""
+    """Edge of the cubes that cut diffuse surfaces into cells [m]; by default a fifth of the rooms'
+    least extent where that is below 0.9 m."""
     cell_sky_rays: Annotated[int, Field(ge=1, le=1 << 16)] = 128
     """Deposit D: number of rays from a cell to the sky."""
     sensor_sky_rays: Annotated[int, Field(ge=1, le=1 << 20)] = 2048
@@ -116,6 +122,19 @@ class Accuracy(Table):
             if name not in self.model_fields_set
         }
         return self.model_copy(update=more)
+
+    def of_rooms(self, extent: Sequence[float]) -> Accuracy:
+        """Accuracy whose cells fit rooms of an extent (3,) [m], unless the case states their size.
+
+        In rooms of less than two cells, five cells stand across the least extent, where these are
+        no more than `MOST_CELLS` in all.
+        """
+        x, y, z = extent
+        size = min(extent) / OF_EXTENT
+        is_fit = "cell_size" in self.model_fields_set or min(extent) >= 2 * self.cell_size
+        if is_fit or size < SMALLEST_CELL or 2 * (x * y + y * z + z * x) > MOST_CELLS * size**2:
+            return self
+        return self.model_copy(update={"cell_size": size})
 
     @property
     def stated(self) -> list[str]:

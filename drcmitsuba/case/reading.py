@@ -7,6 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import MeshComponent, StructureComponent
 from drcmitsuba.case.model import ENDINGS
@@ -156,7 +159,21 @@ def with_files(case: Case) -> Case:
             for state in layer.states[1:] if is_taken else ():
                 if state.material is not None and not isinstance(state.material, Lambertian):
                     case.materials.setdefault(state.name, state.material)
-    return case
+    return case.with_tables(accuracy=fitted(case.accuracy, case))
+
+
+def fitted(accuracy: Accuracy, case: Case) -> Accuracy:
+    """Accuracy whose cells fit the rooms of a case, see `Accuracy.of_rooms`."""
+    extent = _extent_of_rooms(case)
+    return accuracy if extent is None else accuracy.of_rooms(extent)
+
+
+def _extent_of_rooms(case: Case) -> tuple[float, ...] | None:
+    """Extent of the rooms along the axes of their file (3,) [m]; None without any."""
+    if case.room is not None:
+        return case.room.size
+    near = [x.quads.reshape(-1, 3) for x in case.building.layers if x.role != "context"]
+    return tuple(np.ptp(np.concatenate(near), axis=0).tolist()) if near else None
 
 
 def _unused(case: Case, building: Model) -> tuple[str, ...]:

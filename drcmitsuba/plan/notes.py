@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from drcmitsuba.bsdf import advice
-from drcmitsuba.case.accuracy import SMALLEST_CELL, Target
+from drcmitsuba.case.accuracy import OF_EXTENT, SMALLEST_CELL, Target
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.colour import Colour
 from drcmitsuba.case.model_case import notes_on_groups
@@ -130,11 +130,11 @@ def _cell_notes(case: Case) -> list[str]:
     """Note on cells that are large beside the rooms, of which sensors then know little."""
     extent, size = extent_of_rooms(case), case.accuracy.cell_size
     least = np.inf if extent is None else float(extent.min())
-    if least >= 2 * size or least / 5 < SMALLEST_CELL:
+    if least >= 2 * size or least / OF_EXTENT < SMALLEST_CELL:
         return []
     return [
         f"accuracy.cell_size: cells of {size:g} m in rooms of {least:.2g} m: light of a cell is a "
-        f"mean over it; write {least / 5:.2g} or less"
+        f"mean over it; write {least / OF_EXTENT:.2g} or less"
     ]
 
 

@@ -39,7 +39,7 @@ MOST_PHOTONS = 64
 SUBDIVISION = 2
 """Reinhart's factor of the sky."""
 CELLS = 0.3
-"""Edge of the cells [m]."""
+"""Edge of the cells [m]; less in small rooms."""
 SEEDS, MOST_SEED = 1009, 1 << 30
 """Distance of the rounds' seeds, and the end of their range."""
 
@@ -97,7 +97,7 @@ def _finer(case: Case, number: int) -> Case:
     base = default(case)
     own = {
         "replicates": REPLICATES,
-        "cell_size": CELLS,
+        "cell_size": min(CELLS, 2 / 3 * base.accuracy.cell_size),
         "seed": (base.accuracy.seed + SEEDS * (number + 1)) % MOST_SEED,
     }
     return base.with_tables(

@@ -15,6 +15,7 @@ from drcmitsuba_plugins.tensor import TensorTree
 from drcmitsuba.bsdf import writer
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.reading import fitted
 from drcmitsuba.case.sensors import Sensors
 from drcmitsuba.case.sun import Adaptive, Daysim, FivePhase, Sun, ThreePhase, TrueSun
 from drcmitsuba.model.materials import BsdfMaterial
@@ -90,7 +91,8 @@ def spaced(case: Case, factor: int) -> Case:
 def default(case: Case) -> Case:
     """The case with the program's own settings."""
     sky = case.sky.model_copy(update={"subdivision": 1})
-    return case.with_tables(accuracy=Accuracy(seed=case.accuracy.seed), sky=sky, sun=TrueSun())
+    accuracy = fitted(Accuracy(seed=case.accuracy.seed), case)
+    return case.with_tables(accuracy=accuracy, sky=sky, sun=TrueSun())
 
 
 def other_interreflection(case: Case, solved_cells: bool) -> Setting:
