@@ -158,7 +158,7 @@ def test_a_hint_never_comes_from_another_table(load):
          "finite number"),
         ("[4.0, 5.0, 3.0]", "[1e300, 5.0, 3.0]", "room.size.0: got 1e+300; input should be less "
          "than or equal to 100000"),
-        ("[4.0, 5.0, 3.0]", '"4 × 5 × 3"', 'room.size: got "4 \\u00d7 5 \\u00d7 3"; input should '
+        ("[4.0, 5.0, 3.0]", '"4 × 5 × 3"', 'room.size: got "4 × 5 × 3"; input should '
          "be a valid list"),
         ("[4.0, 5.0, 3.0]", '["4", 5.0, 3.0]', 'room.size.0: got "4"; input should be a valid '
          "number"),
