@@ -67,10 +67,11 @@ class Season:
             for month, clear in zip(self.design, self.clear, strict=True)
         ]
 
-    def save(self, folder: Path) -> None:
+    def save(self, folder: str | Path) -> None:
         """Write `season.json` and `season.png`."""
         from drcmitsuba.report import plots
 
+        folder = Path(folder)
         numbers: dict[str, Any] = {
             name: getattr(self, name) for name in ("design", "clear", "opening", "relative", "gain")
         }

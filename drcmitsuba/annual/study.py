@@ -56,10 +56,11 @@ class StudyTable:
     frame: pd.DataFrame
     keys: tuple[str, ...]
 
-    def save(self, folder: Path) -> None:
+    def save(self, folder: str | Path) -> None:
         """Write `table.csv`, the pictures, and `table.parquet` where pyarrow is installed."""
         from drcmitsuba.report import study_charts, style
 
+        folder = Path(folder)
         storage.save_csv(self.frame, folder / "table.csv")
         if find_spec("pyarrow") is not None:
             with storage.whole(folder / "table.parquet") as temporary:

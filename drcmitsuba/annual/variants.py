@@ -95,7 +95,8 @@ class SharedElements:
         """
         backend.select()
         cases = [case.with_true_suns() for case in cases]
-        judged = cases if judged is None else [case.with_true_suns() for case in judged]
+        is_study = judged is not None
+        judged = [case.with_true_suns() for case in judged or cases]
         first = cases[0]
         facades = shared_facades(cases)
         run = replace(Run.of(first), stage=stage)
@@ -107,7 +108,7 @@ class SharedElements:
             remarks, planned = [], []
             for case in judged:  # models of a study are read anew
                 # Notes read the films' files, which may be unfit.
-                told = [] if case.output.illuminance == "all" else [WITHOUT]
+                told = [] if is_study or case.output.illuminance == "all" else [WITHOUT]
                 remarks.append([*notes(case), *without_rounds(case.accuracy.sensor_goal), *told])
                 planned.append(plan(case, light))
             scope = joined_effects([each.scope for each in planned])

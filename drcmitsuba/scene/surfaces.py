@@ -92,8 +92,12 @@ class Enclosure:
 
     def contains(self, points: np.ndarray) -> bool:
         """Whether every point (point, 3) of the world frame lies in the room."""
+        return bool(self.holds(points).all())
+
+    def holds(self, points: np.ndarray) -> np.ndarray:
+        """Whether each point (point, 3) of the world frame lies in the room, bool, (point,)."""
         p = points @ self.turn
-        return bool(((p > -NEAR) & (p < self.size + NEAR)).all())
+        return np.asarray(((p > -NEAR) & (p < self.size + NEAR)).all(axis=1))
 
 
 def surfaces_of(

@@ -333,7 +333,8 @@ class LightByElement:
         besides = self.besides.times(1.0, rows)
         parts = zip(self.elements, factors.tolist(), strict=True)
         elements = tuple(light.times(f, rows) for light, f in parts)
-        return replace(self, rows=rows, besides=besides, elements=elements)
+        returned = tuple(each.scaled(factors) for each in self.returned)
+        return replace(self, rows=rows, besides=besides, elements=elements, returned=returned)
 
     def illuminance(self, L: csr_matrix, shares: np.ndarray) -> Iterator[np.ndarray]:
         """Yield the illuminance of a year by each replicate.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,17 +38,29 @@ class MarkedLight:
     """Throughput."""
     met: np.ndarray
     """Elements that its path met, the last one first, −1 for none, int, shape (vertex, meeting)."""
+    passes: np.ndarray
+    """Whether its path went through the last opening, between a room and the outside, and was not
+    sent back, bool, shape (vertex,)."""
     shape: tuple[int, int]
     """Number of sensors, or blocks that rays come from, and of blocks, or targets."""
 
     @classmethod
     def mean(cls, parts: Sequence[MarkedLight]) -> MarkedLight:
         """Mean over results."""
-        sensor, block, weight, met = (
+        sensor, block, weight, met, passes = (
             np.concatenate([getattr(part, name) for part in parts])
-            for name in ("sensor", "block", "weight", "met")
+            for name in ("sensor", "block", "weight", "met", "passes")
         )
-        return cls(sensor, block, weight / np.float32(len(parts)), met, parts[0].shape)
+        return cls(sensor, block, weight / np.float32(len(parts)), met, passes, parts[0].shape)
+
+    def passed(self, elements: int) -> np.ndarray:
+        """Element that light of each vertex passes, the number of all for none, int, (vertex,)."""
+        return np.where(self.passes, self.met[:, 0], elements)
+
+    def scaled(self, factors: np.ndarray) -> MarkedLight:
+        """Light with factors (element,) of what passes openings; what they send back stays."""
+        own = np.append(factors, 1).astype(np.float32)[self.passed(len(factors))]
+        return replace(self, weight=self.weight * own)
 
     @property
     def nbytes(self) -> int:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import drjit as dr
 import mitsuba as mi
@@ -17,6 +17,7 @@ import numpy as np
 
 from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.flat_arrays import add_at, flat_indices
+from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.elements.marked_light import MarkedLight, quick
 from drcmitsuba.transport.elements.marks import elements_of
 from drcmitsuba.transport.elements.weights import Year
@@ -42,8 +43,29 @@ class SentBack(Protocol):
     def weighed(self, shares: np.ndarray) -> np.ndarray:
         """Light that sensors get of light on blocks (sensor, block), with shares (element,)."""
 
+    def scaled(self, factors: np.ndarray) -> SentBack:
+        """Light with factors (element,) of what passes openings from outside on its way."""
+
     def add(self, E: np.ndarray, D: np.ndarray, year: Year) -> None:
         """Add to E (time, sensor) [lx] what returns of light D (time, block) [lx] in a year."""
+
+
+class Outside(NamedTuple):
+    """Whether sensors (sensor,) and cells (cell,) lie outside of the rooms."""
+
+    sensors: np.ndarray
+    cells: np.ndarray
+
+    @classmethod
+    def of(cls, scene: Scene, points: np.ndarray, gathered: Gathered) -> Outside:
+        """Look where sensors at points (sensor, 3), and what stands for cells, lie."""
+        rooms, drawn = gathered.drawn.rooms, gathered.drawn.p.numpy().reshape(-1, 3)
+        if rooms is not None and gathered.within is not None:
+            return cls(np.asarray(gathered.within) == 0, rooms.numpy() == 0)
+        count = gathered.cells.count
+        if scene.enclosure is None or not scene.enclosure.is_box:
+            return cls(np.zeros(len(points), bool), np.zeros(count, bool))
+        return cls(~scene.enclosure.holds(points), ~scene.enclosure.holds(drawn[:count]))
 
 
 class ElementPaths(Protocol):
@@ -80,10 +102,15 @@ class FollowedPaths:
     """
 
     gathered: Gathered
-    sensors: int
+    outside: Outside
     results: int = 1
     """Number of results, each of `draws` replicates."""
     draws: int = 1
+
+    @property
+    def sensors(self) -> int:
+        """Number of sensors."""
+        return len(self.outside.sensors)
 
     def _met(self) -> Iterator[tuple[slice, Met]]:
         """Vertices of every block of sensors that has any."""
@@ -170,11 +197,17 @@ class FollowedPaths:
             few = here.stop - here.start
             at = dr.compress(met.mark > 0)
             row = dr.gather(mi.UInt32, met.row, at).numpy()
-            block = dr.gather(mi.UInt32, self._blocks[0], dr.gather(mi.UInt32, met.cell, at))
-            mark, weight = (dr.gather(type(x), x, at).numpy() for x in (met.mark, met.weight))
+            cell, mark, weight = (
+                dr.gather(type(x), x, at).numpy() for x in (met.cell, met.mark, met.weight)
+            )
             of_result, sensor = row // few // self.draws, row % few + here.start
-            columns.append((of_result, sensor, block.numpy(), mark, weight / self.draws))
-        result, sensor, block, mark, weight = map(np.concatenate, zip(*columns, strict=True))
+            columns.append((of_result, sensor, cell, mark, weight / self.draws))
+        result, sensor, cell, mark, weight = map(np.concatenate, zip(*columns, strict=True))
+        block, outside = self._blocks[0].numpy()[cell], self.outside
+        passes = outside.sensors[sensor] != outside.cells[cell]
         elements, shape = elements_of(mark), (self.sensors, self.blocks)
         each = (np.flatnonzero(result == r) for r in range(self.results))
-        return [MarkedLight(sensor[at], block[at], weight[at], elements[at], shape) for at in each]
+        return [
+            MarkedLight(sensor[at], block[at], weight[at], elements[at], passes[at], shape)
+            for at in each
+        ]

@@ -36,6 +36,8 @@ class _WeighedRays(NamedTuple):
     """Entry of every ray in the matrix."""
     met: tuple[mi.UInt32, ...]
     """Elements that every ray met; the number of all elements stands for none."""
+    passed: mi.UInt32
+    """Element through which each ray went, likewise."""
     weight: mi.Float
     shape: tuple[int, int]
 
@@ -46,13 +48,16 @@ class _WeighedRays(NamedTuple):
         entry = marked.block.astype(np.int64) * receivers + marked.sensor
         met = np.where(marked.met < 0, elements, marked.met).T
         return cls(
-            flat_indices(entry), tuple(map(flat_indices, met)), flat(marked.weight),
-            (blocks, receivers),
+            flat_indices(entry), tuple(map(flat_indices, met)),
+            flat_indices(marked.passed(elements)), flat(marked.weight), (blocks, receivers),
         )  # fmt: skip
 
-    def weighed(self, shares: mi.Float64) -> mi.TensorXf:
-        """Matrix by shares (element + 1,), in double precision since a gradient is a sum, too."""
-        weight = mi.Float64(self.weight)
+    def weighed(self, shares: mi.Float64, factors: mi.Float64) -> mi.TensorXf:
+        """Matrix by shares and factors of what passes elements, (element + 1,) each.
+
+        It is summed in double precision since a gradient is a sum, too.
+        """
+        weight = mi.Float64(self.weight) * dr.gather(mi.Float64, factors, self.passed)
         for element in self.met:
             weight *= dr.gather(mi.Float64, shares, element)
         blocks, receivers = self.shape
@@ -98,23 +103,24 @@ class SmoothReturn:
         )
         return cls(rays, _Cells(between, mi.TensorXf(onto), mi.TensorXf(back)))
 
-    def added(self, C: mi.Float, D: mi.Float, weights: mi.Float) -> mi.Float:
+    def added(self, C: mi.Float, D: mi.Float, shares: mi.Float, factors: mi.Float) -> mi.Float:
         """Add to C what comes back of D, flat (bin, sensor), (bin, block), by shares of elements.
 
-        `weights` are (element + 1,); gradients flow through all three.
+        Shares, and factors of light that passes elements, as from surfaces outside, are
+        (element + 1,); gradients flow through all.
         """
         blocks, _ = self.rays.shape
         if not blocks or (self.cells is None and not dr.width(self.rays.weight)):
             return C
         light = mi.TensorXf(D, (dr.width(D) // blocks, blocks))
-        return C + (light @ self._weighed(mi.Float64(weights))).array
+        return C + (light @ self._weighed(mi.Float64(shares), mi.Float64(factors))).array
 
-    def _weighed(self, shares: mi.Float64) -> mi.TensorXf:
+    def _weighed(self, shares: mi.Float64, factors: mi.Float64) -> mi.TensorXf:
         """G_m, shape (block, sensor)."""
-        G = self.rays.weighed(shares)
+        G = self.rays.weighed(shares, factors)
         if self.cells is None:
             return G
-        t = self.cells.rays.weighed(shares)
+        t = self.cells.rays.weighed(shares, factors)
         first = G = G + t @ self.cells.onto
         once = t @ self.cells.back
         for _ in range(POWERS):

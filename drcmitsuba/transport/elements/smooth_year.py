@@ -192,8 +192,8 @@ class SmoothYear:
         shares : mi.Float, shape (element + 1,)
             Shares while the shade is open. Gradients flow through.
         factors : mi.Float, shape (element + 1,)
-            Factors of the light that comes in by an element. Light that it sends back into the
-            room keeps its weight.
+            Factors of the light that comes in by an element, from surfaces outside as well. Light
+            that it sends back into the room keeps its weight.
 
         Returns
         -------
@@ -227,11 +227,11 @@ class SmoothYear:
         """
         same = self._sum(self.same, shares * factors, self.besides)
         lit = self._sum(self.opened, shares * factors, same)
-        states = [self.returned.added(*lit, shares)]
+        states = [self.returned.added(*lit, shares, factors)]
         for closing, part in zip(self.closings, self.closed, strict=False):
             behind = (mi.TensorXf(shares, (1, dr.width(shares))) @ closing).array
             lit = self._sum(part, behind * factors, same)
-            states.append(self.returned.added(*lit, behind))
+            states.append(self.returned.added(*lit, behind, factors))
         return tuple(states)
 
     def _sum(

@@ -20,7 +20,7 @@ counts as if the film sent it on evenly.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -32,6 +32,7 @@ from drcmitsuba.runtime import lazy
 from drcmitsuba.transport.cells.cells import Cells
 from drcmitsuba.transport.elements.marked_light import MarkedLight
 from drcmitsuba.transport.elements.marks import elements_of, is_deposited
+from drcmitsuba.transport.elements.paths import Outside
 from drcmitsuba.transport.elements.weights import Year
 from drcmitsuba.transport.gather.blocks import Gathered
 from drcmitsuba.transport.interreflection.solved_cells import Transfer
@@ -56,6 +57,8 @@ class _EndedRays(NamedTuple):
     cell: np.ndarray
     weight: np.ndarray
     mark: np.ndarray
+    outside: np.ndarray
+    """Whether it starts outside of the rooms."""
 
     def among(self, some: Callable[[np.ndarray], np.ndarray]) -> _EndedRays:
         """Rays that carry light, of some marks."""
@@ -86,13 +89,18 @@ class SolvedPaths:
     gathered: Gathered
     transfer: Transfer
     """T with the mark of every ray."""
-    sensors: int
+    outside: Outside
     paths: int
     """Number of paths of a sensor in a replicate."""
     draws: int = 1
     """Number of replicates that are averaged into one result."""
     _latest: dict[int, _Bounces] = field(default_factory=dict, init=False, repr=False)
     """`_bounces` of the latest result."""
+
+    @property
+    def sensors(self) -> int:
+        """Number of sensors."""
+        return len(self.outside.sensors)
 
     @property
     def cells(self) -> Cells:
@@ -240,7 +248,8 @@ class SolvedPaths:
             each = slice(here.start * count * self.paths, here.stop * count * self.paths)
             cell, weight, mark = (a.numpy()[each] for a in (met.cell, met.weight, met.mark))
             sensor = some.start + np.arange(len(cell)) // self.paths % count
-            parts.append((sensor, cell, weight / np.float32(self.draws), mark))
+            starts = self.outside.sensors[sensor]
+            parts.append((sensor, cell, weight / np.float32(self.draws), mark, starts))
         return _EndedRays(*(np.concatenate(a) for a in zip(*parts, strict=True)))
 
     def _between(self, replicate: int) -> MarkedLight:
@@ -248,14 +257,16 @@ class SolvedPaths:
         blocks = self.transfer.blocks
         source, cell, weight = (a.numpy() for a in self.transfer.bounces[replicate])
         of, share = (a.numpy()[source] for a in (blocks.of, blocks.share))
-        rays = _EndedRays(of, cell, share * weight, self.transfer.marks[replicate].numpy())
+        mark, starts = self.transfer.marks[replicate].numpy(), self.outside.cells[source]
+        rays = _EndedRays(of, cell, share * weight, mark, starts)
         return self._marked(rays.among(lambda mark: mark > 0), blocks.count)
 
     def _marked(self, rays: _EndedRays, rows: int) -> MarkedLight:
         """Rays with marks, from so many rows to targets."""
         target = self._target(rays.cell, is_deposited(rays.mark))
         place, met = np.searchsorted(self._reached, target), elements_of(rays.mark)
-        return MarkedLight(rays.row, place, rays.weight, met, (rows, self.blocks))
+        passes = rays.outside != self.outside.cells[rays.cell]
+        return MarkedLight(rays.row, place, rays.weight, met, passes, (rows, self.blocks))
 
 
 @dataclass(frozen=True, eq=False)
@@ -288,6 +299,11 @@ class SolvedReturn:
         t, g = self.between.weighed(shares), self.sensors.weighed(shares)
         first = g + self.onto @ t
         return np.asarray(first + first @ all_powers(self.back @ t))
+
+    def scaled(self, factors: np.ndarray) -> SolvedReturn:
+        """Light with factors of what passes openings, see `SentBack`."""
+        between, sensors = (each.scaled(factors) for each in (self.between, self.sensors))
+        return replace(self, between=between, sensors=sensors)
 
     def add(self, E: np.ndarray, D: np.ndarray, year: Year) -> None:
         """Add the light of a year, see `SentBack`."""

@@ -79,7 +79,7 @@ class StraightPairs:
             Shares of all elements, which are those of other pairs.
         """
         mixed = dr.gather(mi.Float, shares, self.element)
-        if self.lower is None or self.upper is None:
+        if self.lower is None or self.upper is None or not dr.width(self.element):
             return mixed
         known = dr.isfinite(self.lower)
         bottom = dr.maximum(dr.gather(mi.Float, low, self.element, known), self.lower)
@@ -89,5 +89,6 @@ class StraightPairs:
     def summed(self, weights: mi.Float) -> mi.Float:
         """Σ weight · C, flat (bin, sensor) [sr], by weights of pairs."""
         total = dr.zeros(mi.Float, self.shape[0] * self.shape[1])
-        dr.scatter_add(total, self.C * weights, self.place)
+        if dr.width(self.place):
+            dr.scatter_add(total, self.C * weights, self.place)
         return total

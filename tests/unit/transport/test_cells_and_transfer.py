@@ -21,7 +21,7 @@ from drcmitsuba.transport import coefficients, replicate
 from drcmitsuba.transport.cells.cells import CellGrid, Cells
 from drcmitsuba.transport.cells.points import CellPoints
 from drcmitsuba.transport.cells.vertices import Vertices
-from drcmitsuba.transport.elements.paths import FollowedPaths
+from drcmitsuba.transport.elements.paths import FollowedPaths, Outside
 from drcmitsuba.transport.gather.blocks import Gathered, Met
 from drcmitsuba.transport.interreflection import cell_rays
 from drcmitsuba.transport.interreflection.solved_cells import solved
@@ -216,9 +216,8 @@ def test_no_block_lies_in_two_rooms():
     drawn = CellPoints(2, 6, mi.UInt32(1), places, places, rooms)
     met = Met(dr.zeros(mi.UInt32, 6), count, dr.ones(mi.Float, 6), dr.ones(mi.UInt32, 6))
     gathered = Gathered(None, (slice(0, 1),), cells, drawn, {0: met})
-    blocks = [
-        cells.flat_blocks(3, drawn.rooms)[0].numpy(), FollowedPaths(gathered, 1)._blocks[0].numpy(),
-    ]  # fmt: skip
+    paths = FollowedPaths(gathered, Outside(np.zeros(1, bool), np.zeros(6, bool)))
+    blocks = [cells.flat_blocks(3, drawn.rooms)[0].numpy(), paths._blocks[0].numpy()]
     for block in blocks:
         told = np.array([1, 1, 2, 2, 0, 0])
         assert all(len(set(told[block == b])) == 1 for b in np.unique(block))
