@@ -2,10 +2,12 @@
 
 view_rays
     Rays of the pixels, which `eye` follows to the first diffuse surface.
-sky_rays, glow, caustics
-    Light of the sky, of scattering panes and of components on these surfaces.
+sky_rays, glow
+    Light of the sky and of scattering panes on these surfaces.
 surface_light
     Light on all surfaces of the scene, of which the rays gather.
+pane_light, caustics
+    Light that components throw on panes, and on surfaces.
 facade_scenes, eye_by_element, pixel_paths, light_paths
     All of a picture that depends neither on the hour nor on the state of the façade, by element.
 asked_view

@@ -15,12 +15,16 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.rendering.surface_light import HourSources
+from drcmitsuba.rendering.glow import GlowTable
+from drcmitsuba.rendering.pane_light import PaneLight, weighed
+from drcmitsuba.rendering.surface_light import HourSources, SurfaceLight
+from drcmitsuba.rendering.view_glow import ViewGlow
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.photons.light import Landed
 from drcmitsuba.transport.photons.tracer import PhotonTracer
+from drcmitsuba.transport.replicate import Replicates
 
 SKY_CELL, SUN_CELL = 0.15, 0.06
 """Edges of the cells for photons of the sky and of a sun [m]."""
@@ -37,45 +41,88 @@ class Caustics:
     sun: PhotonTracer | None
     """Tracer of a sun's photons; None where all of its light has exact directions."""
     accuracy: Accuracy
+    panes: PaneLight | None
+    """Diffusing panes on which photons count; None without any."""
 
     @classmethod
     def of(
-        cls, scene: Scene, accuracy: Accuracy, subdivision: int | None, diameter: float
-    ) -> Caustics | None:
-        """Trace the photons of the sky; None for a scene without components."""
-        none = np.zeros((0, 3))
+        cls, scene: Scene, accuracy: Accuracy, subdivision: int | None, diameter: float,
+        table: GlowTable,
+    ) -> Caustics | None:  # fmt: skip
+        """Trace the photons of the sky; None for a scene without components.
+
+        Panes of the `table` that scatter evenly count them, too.
+        """
+        none, panes = np.zeros((0, 3)), PaneLight(table)
+        squares = panes.squares
 
         def tracer(size: float, photons: int, subdivision: int | None) -> PhotonTracer | None:
             size = min(size, accuracy.cell_size)
             finer = accuracy.model_copy(update={"cell_size": size, "photons": photons})
             imaged = subdivision is not None
-            return PhotonTracer.of(
+            made = PhotonTracer.of(
                 scene, none, none, none, diameter, subdivision, finer, imaged=imaged
             )
+            return made if made is None or squares is None else replace(made, squares=squares)
 
         sky = tracer(SKY_CELL, accuracy.photons, subdivision)
         sun = tracer(SUN_CELL, SUN_PHOTONS * accuracy.photons, None)
         if sky is None:
             return None
         seeds = [launch_seed(accuracy.seed, Stream.PHOTONS, r) for r in range(accuracy.replicates)]
-        return cls(tuple(sky.traced(seed + 1) for seed in seeds), sun, accuracy)
+        of_sky = tuple(sky.traced(seed + 1) for seed in seeds)
+        return cls(of_sky, sun, accuracy, None if squares is None else panes)
 
     def by_bin(self) -> CausticMap:
         """Map of the irradiance per luminance of each bin of the sky [sr]."""
         parts = [one.cells[0].array for one in self.of_sky]
         return CausticMap(self.of_sky[0], dr.concat(parts))
 
-    def under(self, sources: HourSources) -> tuple[CausticMap, ...]:
-        """Maps of the irradiance [lx] under the sources, which may have no sun."""
-        maps = [_map(self.of_sky, 0, sources.sky)]
-        if sources.sun > 0 and self.sun is not None:
-            tracer = replace(self.sun, suns=sources.direction[None])
-            seeds = (
-                launch_seed(self.accuracy.seed, Stream.PHOTONS, r)
-                for r in range(self.accuracy.replicates)
-            )
-            maps.append(_map([tracer.traced(s + 2) for s in seeds], 1, np.array([sources.sun])))
-        return tuple(maps)
+    def of_sun(self, sources: HourSources) -> tuple[Landed, ...]:
+        """Trace the photons of the sun in every replicate; none where no sun sends any."""
+        if not sources.sun > 0 or self.sun is None:
+            return ()
+        tracer = replace(self.sun, suns=sources.direction[None])
+        seeds = (
+            launch_seed(self.accuracy.seed, Stream.PHOTONS, r)
+            for r in range(self.accuracy.replicates)
+        )
+        return tuple(tracer.traced(seed + 2) for seed in seeds)
+
+    def under(self, sources: HourSources, of_sun: tuple[Landed, ...]) -> tuple[CausticMap, ...]:
+        """Maps of the irradiance [lx] under the sources, with photons from `of_sun`."""
+        by_sky = _map(self.of_sky, 0, sources.sky)
+        return (by_sky, _map(of_sun, 1, np.array([sources.sun]))) if of_sun else (by_sky,)
+
+    def glow_by_bin(self, glow: ViewGlow, light: SurfaceLight) -> mi.Float:
+        """Radiance of panes by photons per luminance of each bin of the sky [1].
+
+        It is as the eye sees it, flat (replicate, entry, bin), and 0 where no pane counts photons.
+        """
+        if self.panes is None:
+            return mi.Float(0)
+        lit = enumerate(zip(self.of_sky, light.deposits, strict=True))
+        return self.panes.seen(glow, [self.panes.by_sky(by, at, r) for r, (by, at) in lit])
+
+    def glow(
+        self, glow: ViewGlow, light: SurfaceLight, sources: HourSources,
+        by_sun: Replicates | None, of_sun: tuple[Landed, ...],
+    ) -> mi.Float:  # fmt: skip
+        """Radiance of panes under the sources [cd/m²], flat (replicate, entry); as `glow_by_bin`.
+
+        `by_sun` is from `SurfaceLight.under`, `of_sun` the sun's photons.
+        """
+        if self.panes is None:
+            return mi.Float(0)
+        every = []
+        for r, (landed, lit) in enumerate(zip(self.of_sky, light.deposits, strict=True)):
+            E = weighed(self.panes.by_sky(landed, lit, r), sources.sky)
+            if by_sun is not None:
+                photons = of_sun[r] if of_sun else None
+                D = self.panes.by_sun(photons, by_sun.deposits[r], r)
+                E += weighed(D, np.array([sources.sun]))
+            every.append(E)
+        return self.panes.seen(glow, every)
 
 
 @dataclass(frozen=True)

@@ -75,7 +75,10 @@ class _Glow(NamedTuple):
             none = dr.zeros(mi.Float, max(1, len(deposits) * len(glow) * bins))
             return cls(none, none)
         own = dr.concat([glow.table.by_bin(one).array for one in deposits])
-        return cls(glow.of_eye(own, bins), glow.of_surfaces(own, bins))
+        more = mi.Float(0)
+        if traced.caustics is not None:
+            more = traced.caustics.glow_by_bin(glow, traced.light)
+        return cls(glow.of_eye(own, bins) + more, glow.of_surfaces(own, bins))
 
 
 def _of_cells(light: SurfaceLight) -> mi.Float:

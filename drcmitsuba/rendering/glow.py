@@ -7,7 +7,7 @@ surface, is an entry of this table and a weight; the table follows from the hour
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,9 +16,11 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.eye.openings import SeenOpenings
+from drcmitsuba.model.materials import DiffuserMaterial
+from drcmitsuba.model.model import areas
 from drcmitsuba.rendering.facade_scenes import looks_of
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
-from drcmitsuba.scene.scene import Scene
+from drcmitsuba.scene.scene import Scene, ScenePart
 from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.films.films import Films
 from drcmitsuba.transport.films.peaks import Peaks, take_out
@@ -27,6 +29,8 @@ from drcmitsuba.transport.panes.transfer import PaneLook, looks
 
 NEAR = 2e-3
 """Distance within which a point is on a pane [m]."""
+PATCH, MOST_PATCHES = 0.06, 1024
+"""Width of patches of panes of components [m], and their largest number."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,18 @@ class GlowTable:
     films: Films | None
     patches: PanePatches | None
     """Patches of the panes that scatter evenly."""
+    of_components: PanePatches | None = None
+    """Patches of panes of components that scatter evenly, as at the end of a light pipe."""
+
+    @classmethod
+    def of(cls, base: Deposit) -> GlowTable:
+        """Table of the panes of a deposit."""
+        quads = [part.quads for part in scattering_of_components(base.scene)]
+        own = None
+        if quads and sum(map(len, quads)) <= MOST_PATCHES:
+            width = max(PATCH, np.sqrt(sum(areas(each).sum() for each in quads) / MOST_PATCHES))
+            own = PanePatches.of(quads, float(width))
+        return cls(base.scene, base.films, base.patches, own)
 
     @property
     def first(self) -> np.ndarray:
@@ -48,7 +64,13 @@ class GlowTable:
 
     def __len__(self) -> int:
         """Count the entries."""
-        return int(self.first[-1]) + (0 if self.patches is None else 2 * len(self.patches))
+        return int(self.first[-1]) + self.faces[0] + self.faces[1]
+
+    @property
+    def faces(self) -> tuple[int, int]:
+        """Number of faces of the room's diffusing panes, and of those of components."""
+        room, own = (0 if p is None else 2 * len(p) for p in (self.patches, self.of_components))
+        return room, own
 
     @property
     def _kinds(self) -> list[tuple[str, PanePatches, np.ndarray]]:
@@ -58,6 +80,9 @@ class GlowTable:
             kinds.append(("films", self.films.patches, np.diff(self.first)))
         if self.patches is not None:
             kinds.append(("faces", self.patches, np.full(len(self.patches), 2)))
+        if self.of_components is not None:
+            own = self.of_components
+            kinds.append(("components", own, np.full(len(own), 2)))
         return kinds
 
     def opening_of_entries(self, openings: SeenOpenings) -> np.ndarray:
@@ -96,9 +121,9 @@ class GlowTable:
         row, known = self.films.rows(patch, d, front)
         return dr.gather(mi.UInt32, flat_indices(self.first), patch) + row, known
 
-    def _of_face(self, patch: mi.UInt32, front: mi.Bool) -> mi.UInt32:
-        """Entry of a face of a diffusing pane."""
-        first = dr.opaque(mi.UInt32, int(self.first[-1]))
+    def _of_face(self, patch: mi.UInt32, front: mi.Bool, before: int = 0) -> mi.UInt32:
+        """Entry of a face of a diffusing pane, with so many faces `before` its kind."""
+        first = dr.opaque(mi.UInt32, int(self.first[-1]) + before)
         return first + 2 * patch + dr.select(front, mi.UInt32(0), 1)
 
     def seen(self, p: mi.Point3f, d: mi.Vector3f, weight: mi.Float) -> tuple[mi.UInt32, mi.Float]:
@@ -106,7 +131,8 @@ class GlowTable:
         at, met = dr.zeros(mi.UInt32, dr.width(p)), dr.full(mi.Bool, False, dr.width(p))
         nearest = mi.Float(2 * NEAR)
         ray = mi.Ray3f(p - NEAR * d, d, 2 * NEAR, 0, [])
-        for panes in (self.films, self.patches):
+        before = 0
+        for panes in (self.films, self.patches, self.of_components):
             if panes is None:
                 continue
             patches = panes.patches if isinstance(panes, Films) else panes
@@ -117,7 +143,8 @@ class GlowTable:
             if isinstance(panes, Films):
                 entry, known = self._of_film(patch, d, front)
             else:
-                entry, known = self._of_face(patch, front), mi.Bool(True)
+                entry, known = self._of_face(patch, front, before), mi.Bool(True)
+                before += 2 * len(panes)
             at, met = dr.select(closer, entry, at), dr.select(closer, known, met)
             nearest = dr.select(closer, dr.abs(hit.t - NEAR), nearest)
         return dr.select(met, at, 0), dr.select(met, weight, 0)
@@ -199,6 +226,8 @@ class GlowTable:
             parts.append(self._of_films(lit, L_sky, L_sun, answer))
         if self.patches is not None:
             parts.append(self._of_faces(lit, L_sky, L_sun))
+        if self.of_components is not None:
+            parts.append(dr.zeros(mi.Float, self.faces[1]))
         out = dr.concat(parts)
         dr.eval(out)
         return out
@@ -217,15 +246,24 @@ class GlowTable:
         if self.patches is not None:
             assert lit.faces is not None
             through, back = self._optics()
-            entry = dr.arange(mi.UInt32, 2 * len(self.patches) * bins)
-            face, bin_ = entry // stride, entry % stride
-            far, near = (
-                dr.gather(mi.Float, lit.faces.sky.array, f * stride + bin_)
-                for f in (face ^ 1, face)
-            )
-            T, R = (dr.gather(mi.Float, share, face) for share in (through, back))
-            parts.append((T * far + R * near) * dr.inv_pi)
+            parts.append(_even(lit.faces.sky, through, back).array)
+        if self.of_components is not None:
+            parts.append(dr.zeros(mi.Float, self.faces[1] * bins))
         return mi.TensorXf(dr.concat(parts), (len(self), bins))
+
+    def further(self, E: mi.TensorXf) -> mi.TensorXf:
+        """Radiance of all entries by further light on the faces of diffusing panes.
+
+        `E` has the faces of the room's panes, then those of components, (face, column); the result
+        has as many columns.
+        """
+        kinds = zip(
+            (self.patches, self.of_components),
+            (self.scene.scattering, scattering_of_components(self.scene)), strict=True,
+        )  # fmt: skip
+        optics = [_optics(patches, parts) for patches, parts in kinds if patches is not None]
+        through, back = (dr.concat(list(each)) for each in zip(*optics, strict=True))
+        return from_row(int(self.first[-1]), len(self), _even(E, through, back))
 
     def _rows_of(self, first: np.ndarray) -> mi.UInt32:
         """Rows of the films' entries in a table in which patches begin at rows `first`."""
@@ -258,11 +296,9 @@ class GlowTable:
         return out
 
     def _optics(self) -> tuple[mi.Float, mi.Float]:
-        """Transmittance and reflectance of the faces of diffusing panes."""
+        """Transmittance and reflectance of the faces of the room's diffusing panes."""
         assert self.patches is not None
-        optics: list[Any] = [pane.material for pane in self.scene.scattering]
-        through = np.repeat([optics[i].scattered for i in self.patches.owner], 2)
-        return flat(through), flat([optics[i].sides for i in self.patches.owner])
+        return _optics(self.patches, self.scene.scattering)
 
     def _of_faces(self, lit: Deposit, L_sky: np.ndarray, L_sun: float) -> mi.Float:
         assert self.patches is not None
@@ -272,5 +308,36 @@ class GlowTable:
             if len(L):
                 E += (D @ mi.TensorXf(flat(L), (len(L), 1))).array
         through, back = self._optics()
-        face = dr.arange(mi.UInt32, dr.width(E))
-        return (through * dr.gather(mi.Float, E, face ^ 1) + back * E) * dr.inv_pi
+        return _even(mi.TensorXf(E, (dr.width(E), 1)), through, back).array
+
+
+def scattering_of_components(scene: Scene) -> tuple[ScenePart, ...]:
+    """Panes of components that scatter evenly; photons alone know their light."""
+    return tuple(p for p in scene.parts if p.component and isinstance(p.material, DiffuserMaterial))
+
+
+def from_row(first: int, rows: int, values: mi.TensorXf) -> mi.TensorXf:
+    """Matrix of so many rows, 0 before the `first` one of some values."""
+    columns = values.shape[1]
+    out = dr.zeros(mi.Float, rows * columns)
+    at = dr.arange(mi.UInt32, dr.width(values.array)) + dr.opaque(mi.UInt32, first * columns)
+    dr.scatter(out, values.array, at)
+    return mi.TensorXf(out, (rows, columns))
+
+
+def _optics(patches: PanePatches, parts: Sequence[ScenePart]) -> tuple[mi.Float, mi.Float]:
+    """Transmittance and reflectance of the faces of the patches of some panes."""
+    optics: list[Any] = [part.material for part in parts]
+    through = np.repeat([optics[i].scattered for i in patches.owner], 2)
+    return flat(through), flat([optics[i].sides for i in patches.owner])
+
+
+def _even(E: mi.TensorXf, through: mi.Float, back: mi.Float) -> mi.TensorXf:
+    """Radiance of faces that scatter evenly, by their irradiance (face, column)."""
+    faces, columns = E.shape
+    stride = dr.opaque(mi.UInt32, columns)
+    entry = dr.arange(mi.UInt32, faces * columns)
+    face, column = entry // stride, entry % stride
+    far, near = (dr.gather(mi.Float, E.array, f * stride + column) for f in (face ^ 1, face))
+    T, R = (dr.gather(mi.Float, share, face) for share in (through, back))
+    return mi.TensorXf((T * far + R * near) * dr.inv_pi, (faces, columns))

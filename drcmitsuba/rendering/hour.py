@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
@@ -144,7 +144,12 @@ def _tables(traced: TracedView, outside: OutsideLuminances, sky: np.ndarray) -> 
     sources = HourSources(sky, sun, outside.direction)
     by_sun = light.under(outside.direction) if sun > 0 else None
     glow = light.glow(traced.glow, sources, by_sun)
-    caustics = () if traced.caustics is None else traced.caustics.under(sources)
+    caustics: tuple[CausticMap, ...] = ()
+    if (photons := traced.caustics) is not None:
+        of_sun = photons.of_sun(sources)
+        caustics = photons.under(sources, of_sun)
+        more = photons.glow(traced.glow, light, sources, by_sun, of_sun)
+        glow = replace(glow, whole=glow.whole + more)
     tables = _Tables(light.irradiance(sources, by_sun), flat(sky), glow, caustics, sun)
     dr.eval(tables.cells, glow.whole, glow.rest)
     return tables

@@ -45,4 +45,6 @@ class TracedView:
     def caustics(self) -> Caustics | None:
         """Photons of the components of the scene; None without any."""
         base = self.light.base
-        return Caustics.of(self.scene, base.accuracy, base.subdivision, base.diameter)
+        return Caustics.of(
+            self.scene, base.accuracy, base.subdivision, base.diameter, self.glow.table
+        )

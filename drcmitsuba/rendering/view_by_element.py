@@ -84,10 +84,7 @@ class ViewByElement:
     @cached_property
     def glows(self) -> tuple[GlowTable, ...]:
         """Tables of the panes' radiance in the scene of every fill."""
-        return tuple(
-            GlowTable(base.scene, base.films, base.patches)
-            for base in map(self._by_sky, self.scenes.fills)
-        )
+        return tuple(GlowTable.of(base) for base in map(self._by_sky, self.scenes.fills))
 
     @property
     def nbytes(self) -> int:
@@ -112,7 +109,7 @@ class ViewByElement:
     def _in_state(self, indices: Indices) -> TracedView:
         openings, cells, tiles = self.scenes.openings, self.cells, self.tiles
         base = self._by_sky(self.scenes.load(indices))
-        glow = ViewGlow(GlowTable(base.scene, base.films, base.patches))
+        glow = ViewGlow(GlowTable.of(base))
         transfer = cells.transfer
         if openings is not None:
             *first, count = openings.starts

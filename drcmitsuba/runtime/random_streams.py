@@ -82,6 +82,8 @@ class Stream(Enum):
     """Light on films, and their answer to it; replicate, `Draw`."""
     FILMS_TO_PANES = (_N, 0, 1, _N)
     """Light of films on the faces of panes that scatter evenly; replicate, `Draw`."""
+    COMPONENT_PANES = (_N, 0, 2, _N)
+    """Light on the faces of panes of components; replicate, `Draw`."""
     CELLS = (0, 1, _N)
     """Light on cells, of all replicates; `Draw`."""
     SENSORS = (1, 1, _N)

@@ -65,8 +65,8 @@ class Traits:
     smooth: bool
     """Whether no surface scatters at random, apart from the choice to mirror or to refract."""
     imaged: bool
-    """Whether light by way of mirrors counts that others find by its exact directions; what these
-    put on diffusing panes counts there."""
+    """Whether light by way of mirrors that others find by its exact directions counts on cells;
+    what these put on diffusing panes counts there."""
 
     @classmethod
     def of(cls, ports: ComponentPorts, panes: ChangingPanes | None, imaged: bool) -> Traits:
@@ -194,13 +194,13 @@ def follow(
         si = scene.surfaces.ray_intersect(ray, flags, coherent=False, active=active)
         met = active & si.is_valid()
         counts = chain == _OWN
-        if dr.hint(traits.imaged, mode="scalar"):
-            counts |= chain == _IMAGED
         column = start.bin + dr.select(by_pane, sums.half.squares, 0)
         passed = scene.passed(ray.o, ray.d, active)
         squares.record(
             passed, ray.o, ray.d, si.t, column, bins, flux, mirrored, sums, active & counts
         )
+        if dr.hint(traits.imaged, mode="scalar"):
+            counts |= chain == _IMAGED
         if dr.hint(scene.panes is not None, mode="scalar"):
             through = flux * passed.within(si.t)
             absorbed += flux - through

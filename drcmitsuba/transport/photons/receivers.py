@@ -181,26 +181,41 @@ class Squares:
         if not len(points):
             return cls((), np.zeros((0, 2)), np.zeros(0))
         near = 2 * np.minimum(_to_walls(scene, points), _to_things(scene, points, normals))
-        turn = np.eye(3) if scene.enclosure is None else scene.enclosure.turn
-        offset = np.einsum("si,si->s", points, normals)
-        keys = np.round(np.column_stack([normals, offset]), 4)
-        keys, plane_of = np.unique(keys, axis=0, return_inverse=True)
-        groups = [np.flatnonzero(plane_of.ravel() == k) for k in range(len(keys))]
-        for mine in groups:
+        for mine in by_plane(points, normals):
             near[mine] = np.minimum(near[mine], _to_neighbours(points[mine]))
-        edge = np.clip(near, SMALLEST, size)
+        return cls.around(scene, points, normals, np.clip(near, SMALLEST, size))
+
+    @classmethod
+    def around(
+        cls, scene: Scene, points: np.ndarray, normals: np.ndarray, edge: np.ndarray
+    ) -> Squares:
+        """Lay squares of some edges (sensor,) [m] around sensors."""
         centre = np.zeros((len(points), 2))
         planes = []
-        for mine in groups:
-            n = normals[mine[0]]
-            x = turn[:, 0] if abs(turn[:, 0] @ n) < 0.7 else turn[:, 2]
-            x = x - (x @ n) * n
-            axes = np.stack([x, np.cross(n, x), n]) / np.linalg.norm(x)
-            axes[2] = n
+        for mine in by_plane(points, normals):
+            axes = in_plane(scene, normals[mine[0]])
             at = points[mine] @ axes[:2].T
             centre[mine] = at
-            planes.append(_plane(mine, at, edge, axes, float(offset[mine[0]])))
+            offset = float(points[mine[0]] @ axes[2])
+            planes.append(_plane(mine, at, edge, axes, offset))
         return cls(tuple(planes), centre, edge)
+
+
+def in_plane(scene: Scene, n: np.ndarray) -> np.ndarray:
+    """Axes of squares in a plane of normal n, and n, rows of a matrix (3, 3)."""
+    turn = np.eye(3) if scene.enclosure is None else scene.enclosure.turn
+    x = turn[:, 0] if abs(turn[:, 0] @ n) < 0.7 else turn[:, 2]
+    x = x - (x @ n) * n
+    x = x / np.linalg.norm(x)
+    return np.stack([x, np.cross(n, x), n])
+
+
+def by_plane(points: np.ndarray, normals: np.ndarray) -> list[np.ndarray]:
+    """Sensors of each plane, indices."""
+    offset = np.einsum("si,si->s", points, normals)
+    keys = np.round(np.column_stack([normals, offset]), 4)
+    keys, plane_of = np.unique(keys, axis=0, return_inverse=True)
+    return [np.flatnonzero(plane_of.ravel() == k) for k in range(len(keys))]
 
 
 def _plane(
