@@ -72,12 +72,13 @@ class PictureView:
         if not across > 1e-9 * lengths.prod():
             got = f"direction {self.direction} and up {self.up}"
             raise self._error("up", got, "give an up vector across the direction")
-        widest = self._widest()
+        widest = self.widest
         if not 0 < min(self.angles) <= max(self.angles) <= widest:
             got = f"{self.angles[0]:g} by {self.angles[1]:g}"
             raise self._error("angles", got, f"give angles above 0 and up to {widest:g}")
 
-    def _widest(self) -> float:
+    @property
+    def widest(self) -> float:
         """Largest angle across [deg]."""
         if self.kind in PROJECTIONS:
             return float(np.degrees(2 * PROJECTIONS[self.kind].widest))

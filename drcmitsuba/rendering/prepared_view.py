@@ -40,6 +40,7 @@ from drcmitsuba.rendering.view_of_case import (
     instant_of,
     picture_view,
     shape_of,
+    with_square_pixels,
 )
 from drcmitsuba.rendering.view_parts import ViewFrame, traced
 from drcmitsuba.runtime import backend, storage
@@ -54,6 +55,13 @@ SOURCES: Mapping[Source, Sources] = {
     "all": Sources(), "sky": Sources(sun=0.0), "sun": Sources(sky=0.0, ground=0.0),
 }  # fmt: skip
 """Sources that a picture shows."""
+
+
+FILMS = (
+    "the picture leaves out light that reaches films by way of components or of other panes that "
+    "scatter; illuminance and glare of a year have it"
+)
+"""Note on films where photons are followed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +126,8 @@ class PreparedView:
         outside, sky = of_all.times(*sources), sources.of_bins(light.sky["sky"].values[0])
         state = self.facade.state if state is None else state
         indices = self.facade.indices(state, choice or {}, light)
-        shown = [luminance(view.in_state(indices), outside, sky) for view in self.channels]
+        views = [view.in_state(indices) for view in self.channels]
+        shown = [luminance(view, outside, sky) for view in views]
         names = ("mean", "error", "disk")
         mean, error, disk = (np.stack([getattr(one, name) for one in shown]) for name in names)
         weights = np.array([*LUMINANCE_WEIGHTS.values()], np.float32)
@@ -135,7 +144,9 @@ class PreparedView:
             captured=date.replace("-", ":").replace("T", " "),
         )  # fmt: skip
         again = max(one.cells.again for one in self.channels)
-        notes = (*_notes(self.case, instant, light), *note_of(again))
+        world = views[0].scene
+        lacking = (FILMS,) if world.films and world.followed else ()
+        notes = (*_notes(self.case, instant, light), *note_of(again), *lacking)
         return Rendering(
             picture, error[0], disk[0], self.case.accuracy.replicates - 1, self.case.name,
             self.name, self.facade.told(state, choice or {}, indices), instant, source, notes,
@@ -282,6 +293,7 @@ def prepare(
     backend.select()
     name, shown = picture_view(case, view)
     rows, columns = shape_of(shown, size)
+    shown = with_square_pixels(shown, rows, columns)
     with stage("plan"):
         facade = ViewFacade.of(case, state, fills)
         effects = effects_of_view(facade, fills, rows * columns)

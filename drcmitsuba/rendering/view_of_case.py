@@ -87,6 +87,16 @@ def shape_of(view: PictureView, size: Size) -> tuple[int, int]:
     return rows, columns
 
 
+def with_square_pixels(view: PictureView, rows: int, columns: int) -> PictureView:
+    """View of square pixels: where one angle is told, it is that across the picture."""
+    if view.angles[0] != view.angles[1] or rows == columns:
+        return view
+    wide, projection = view.half_size[0], view.projection
+    high = min(wide * rows / columns, projection.distance(np.float64(projection.widest)))
+    up = 2 * float(np.degrees(projection.angle(np.float64(high))))
+    return replace(view, angles=(view.angles[0], min(up, view.widest)))
+
+
 def in_the_scene(case: Case, view: PictureView) -> PictureView:
     """View in the frame in which the scene of a case is traced."""
     turn = rotation(case).T

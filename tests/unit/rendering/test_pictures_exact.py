@@ -109,13 +109,14 @@ def test_a_fisheye_weighted_by_the_cosine_is_a_sensor_at_the_eye(sun):
     assert len(PATCHES) == 146
 
 
-def under_a_pipe():
+def under_a_pipe(**more):
     """A windowless room under a mirrored pipe, whose light photons bring."""
     pipe = {"type": "lightpipe", "centre": [2, 2], "width": 0.8, "sides": 4, "height": 1.5}
+    opal = {"type": "diffuser", "transmittance": 0.5, "reflectance": 0.3}
     tables = {
         "room": {"size": [4, 4, 3]},
-        "materials": {"silver": {"type": "mirror", "reflectance": 0.95}},
-        "components": {"pipe": {**pipe, "mirror": "silver"}},
+        "materials": {"silver": {"type": "mirror", "reflectance": 0.95}, "opal": opal},
+        "components": {"pipe": {**pipe, "mirror": "silver", **more}},
         "sensors": {"corner": [0.5, 0.5, 0.8], "count": [1, 1]},
     }
     return Case.model_validate(tables), "open"
@@ -123,8 +124,11 @@ def under_a_pipe():
 
 @pytest.mark.parametrize(
     ("room", "solved"),
-    [(ROOMS["opal above clear"], True), (ROOMS["opal above clear"], False), (under_a_pipe, True)],
-)
+    [
+        (ROOMS["opal above clear"], True), (ROOMS["opal above clear"], False), (under_a_pipe, True),
+        (lambda: under_a_pipe(bottom="opal"), True),
+    ],
+)  # fmt: skip
 def test_coefficient_pictures_sum_up_to_the_sky_of_an_hour(room, solved):
     case, state = room()
     view = traced(scenes.load(case, state), solved=solved, samples=16, photons=16)
@@ -134,6 +138,25 @@ def test_coefficient_pictures_sum_up_to_the_sky_of_an_hour(room, solved):
     assert np.allclose(whole["coefficient"].values @ LUMINANCES, shown, rtol=1e-4)
     assert (whole["coefficient_se"] > 0).any()
     assert (shown > 0).mean() > 0.5
+
+
+@pytest.mark.parametrize("sun", [0.0, SUN])
+def test_the_diffuser_of_a_pipe_lights_an_eye_below_it(sun):
+    """Photons alone know most of its light, and all of what the sensor gets of it."""
+    case, state = under_a_pipe(bottom="opal")
+    world = scenes.load(case, state)
+    view = PictureView("hemispherical", (0, 0, 1), (0, 1, 0), (180, 180), (1.6, 1.8, 1.2))
+    both = traced(world, solved=True, view=view, size=64, samples=16, photons=512)
+    shown = luminance(both, outside(sun), LUMINANCES)
+    picture = Picture(np.repeat(shown.mean[..., None], 3, axis=2), view)
+    share = np.nan_to_num(picture.solid_angles() * picture.directions()[..., 2])
+    E = (shown.mean * share).sum()
+    sensor = np.array([view.position]), np.array([[0.0, 0.0, 1.0]])
+    C = run(world, *sensor, SUNS, replicates=16, paths=256, photons=4096)
+    expected = C[:, 0, :146] @ LUMINANCES + C[:, 0, 146] * sun
+    error = expected.std(ddof=1) / 4
+    print(f"{E:.1f} lx, expected {expected.mean():.1f} ± {error:.1f}")
+    assert abs(E - expected.mean()) < 0.02 * expected.mean() + 3 * error
 
 
 def test_light_between_many_cells_reaches_the_picture():

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from drcmitsuba.picture.view import PictureView
-from drcmitsuba.rendering.view_of_case import instant_of, shape_of
+from drcmitsuba.rendering.view_of_case import instant_of, shape_of, with_square_pixels
 from drcmitsuba.runtime.errors import InputError
 
 NOON = np.datetime64("2015-03-20T12:00")
@@ -35,6 +35,18 @@ def test_what_is_no_local_standard_time_is_refused(when):
 def test_sizes_are_columns_or_columns_and_rows(size):
     view = PictureView("equidistant")
     assert shape_of(view, size) == ((24, 24) if np.ndim(size) == 0 else (12, 24))
+
+
+@pytest.mark.parametrize("kind", ["perspective", "equidistant", "equisolid"])
+def test_pixels_are_square_where_one_angle_is_told(kind):
+    view = PictureView(kind, angles=(80.0, 80.0))
+    square = with_square_pixels(view, 30, 60)
+    assert square.angles[0] == 80
+    wide, high = square.half_size
+    assert high == pytest.approx(wide / 2)
+    assert with_square_pixels(view, 30, 30) is view
+    told = PictureView(kind, angles=(80.0, 70.0))
+    assert with_square_pixels(told, 30, 60) is told
 
 
 @pytest.mark.parametrize(

@@ -83,8 +83,11 @@ def test_rooms_whose_names_are_nearly_alike_have_tiles_and_shades_of_their_own(t
     case = honeybee(tmp_path, *rooms)
     tiles = TiledWalls.of(case, design(side="south"), 1, 1).tiles
     assert len({tile.name for tile in tiles}) == len(tiles) == 2
-    fabric = {"fabric": DiffuserMaterial(type="diffuser", transmittance=0.1)}
-    shaded = case.with_tables(materials=fabric, shading=Shading(material="fabric", groups="spaces"))
+    fabric = DiffuserMaterial(type="diffuser", transmittance=0.1)
+    shaded = case.with_tables(
+        materials={**case.materials, "fabric": fabric},
+        shading=Shading(material="fabric", groups="spaces"),
+    )
     assert prepared(shaded).groups.states.names == ("A/1 south", "A-1 south")
 
 
