@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
 from drcmitsuba.case.accuracy import Accuracy
@@ -285,6 +286,14 @@ class Case(Table):
         changed._source, changed._folder = self._source, self._folder
         changed._building = self._building
         return changed
+
+    @property
+    def extent(self) -> tuple[float, ...] | None:
+        """Extent of the rooms along the axes of their file (3,) [m]; None without any."""
+        if self.room is not None:
+            return self.room.size
+        near = [x.quads.reshape(-1, 3) for x in self.building.layers if x.role != "context"]
+        return tuple(np.ptp(np.concatenate(near), axis=0).tolist()) if near else None
 
     def with_true_suns(self) -> Case:
         """Have true suns in place of an adaptive sun, whose mesh follows one façade."""

@@ -7,8 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import MeshComponent, StructureComponent
@@ -164,16 +162,7 @@ def with_files(case: Case) -> Case:
 
 def fitted(accuracy: Accuracy, case: Case) -> Accuracy:
     """Accuracy whose cells fit the rooms of a case, see `Accuracy.of_rooms`."""
-    extent = _extent_of_rooms(case)
-    return accuracy if extent is None else accuracy.of_rooms(extent)
-
-
-def _extent_of_rooms(case: Case) -> tuple[float, ...] | None:
-    """Extent of the rooms along the axes of their file (3,) [m]; None without any."""
-    if case.room is not None:
-        return case.room.size
-    near = [x.quads.reshape(-1, 3) for x in case.building.layers if x.role != "context"]
-    return tuple(np.ptp(np.concatenate(near), axis=0).tolist()) if near else None
+    return accuracy if case.extent is None else accuracy.of_rooms(case.extent)
 
 
 def _unused(case: Case, building: Model) -> tuple[str, ...]:

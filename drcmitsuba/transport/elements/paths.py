@@ -50,14 +50,14 @@ class SentBack(Protocol):
         """Add to E (time, sensor) [lx] what returns of light D (time, block) [lx] in a year."""
 
 
-class Outside(NamedTuple):
+class OutsideRooms(NamedTuple):
     """Whether sensors (sensor,) and cells (cell,) lie outside of the rooms."""
 
     sensors: np.ndarray
     cells: np.ndarray
 
     @classmethod
-    def of(cls, scene: Scene, points: np.ndarray, gathered: Gathered) -> Outside:
+    def of(cls, scene: Scene, points: np.ndarray, gathered: Gathered) -> OutsideRooms:
         """Look where sensors at points (sensor, 3), and what stands for cells, lie."""
         rooms, drawn = gathered.drawn.rooms, gathered.drawn.p.numpy().reshape(-1, 3)
         if rooms is not None and gathered.within is not None:
@@ -102,7 +102,7 @@ class FollowedPaths:
     """
 
     gathered: Gathered
-    outside: Outside
+    outside: OutsideRooms
     results: int = 1
     """Number of results, each of `draws` replicates."""
     draws: int = 1

@@ -32,7 +32,7 @@ from drcmitsuba.runtime import lazy
 from drcmitsuba.transport.cells.cells import Cells
 from drcmitsuba.transport.elements.marked_light import MarkedLight
 from drcmitsuba.transport.elements.marks import elements_of, is_deposited
-from drcmitsuba.transport.elements.paths import Outside
+from drcmitsuba.transport.elements.paths import OutsideRooms
 from drcmitsuba.transport.elements.weights import Year
 from drcmitsuba.transport.gather.blocks import Gathered
 from drcmitsuba.transport.interreflection.solved_cells import Transfer
@@ -89,7 +89,7 @@ class SolvedPaths:
     gathered: Gathered
     transfer: Transfer
     """T with the mark of every ray."""
-    outside: Outside
+    outside: OutsideRooms
     paths: int
     """Number of paths of a sensor in a replicate."""
     draws: int = 1

@@ -38,7 +38,7 @@ from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.elements.light_on_receivers import LightOnReceivers
 from drcmitsuba.transport.elements.marks import MOST_ELEMENTS, OpeningMarks
-from drcmitsuba.transport.elements.paths import ElementPaths, FollowedPaths, Outside
+from drcmitsuba.transport.elements.paths import ElementPaths, FollowedPaths, OutsideRooms
 from drcmitsuba.transport.elements.scenes import Element, elements_of_case
 from drcmitsuba.transport.elements.solved_paths import SolvedPaths
 from drcmitsuba.transport.gather.blocks import Gathered
@@ -255,10 +255,10 @@ def _paths_of(
         if gathered.cells.count:
             gathered, transfer = solved(world, gathered, accuracy, ending)
             if gathered.cells.count * len(points) <= MOST_PAIRS:
-                outside = Outside.of(world, points, gathered)
+                outside = OutsideRooms.of(world, points, gathered)
                 return SolvedPaths(gathered, transfer, outside, accuracy.paths, draws)
     gathered = Gathered.of(
         world, points, normals, accuracy, block=SENSORS, lanes=PATHS, marks=marks
     )
-    outside = Outside.of(world, points, gathered)
+    outside = OutsideRooms.of(world, points, gathered)
     return FollowedPaths(gathered, outside, accuracy.replicates // draws, draws)

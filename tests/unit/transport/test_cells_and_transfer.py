@@ -21,7 +21,7 @@ from drcmitsuba.transport import coefficients, replicate
 from drcmitsuba.transport.cells.cells import CellGrid, Cells
 from drcmitsuba.transport.cells.points import CellPoints
 from drcmitsuba.transport.cells.vertices import Vertices
-from drcmitsuba.transport.elements.paths import FollowedPaths, Outside
+from drcmitsuba.transport.elements.paths import FollowedPaths, OutsideRooms
 from drcmitsuba.transport.gather.blocks import Gathered, Met
 from drcmitsuba.transport.interreflection import cell_rays
 from drcmitsuba.transport.interreflection.solved_cells import solved
@@ -216,7 +216,7 @@ def test_no_block_lies_in_two_rooms():
     drawn = CellPoints(2, 6, mi.UInt32(1), places, places, rooms)
     met = Met(dr.zeros(mi.UInt32, 6), count, dr.ones(mi.Float, 6), dr.ones(mi.UInt32, 6))
     gathered = Gathered(None, (slice(0, 1),), cells, drawn, {0: met})
-    paths = FollowedPaths(gathered, Outside(np.zeros(1, bool), np.zeros(6, bool)))
+    paths = FollowedPaths(gathered, OutsideRooms(np.zeros(1, bool), np.zeros(6, bool)))
     blocks = [cells.flat_blocks(3, drawn.rooms)[0].numpy(), paths._blocks[0].numpy()]
     for block in blocks:
         told = np.array([1, 1, 2, 2, 0, 0])
