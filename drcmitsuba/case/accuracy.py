@@ -73,8 +73,8 @@ class Accuracy(Table):
     cell_paths: Annotated[int, Field(ge=1, le=1 << 16)] = 32
     """Transfer T: number of rays from a cell to others."""
     cell_size: Annotated[float, Field(ge=SMALLEST_CELL, le=100)] = 0.45
-    """Edge of the cubes that cut diffuse surfaces into cells [m]; by default a fifth of the rooms'
-    least extent where that is below 0.9 m."""
+    """Edge of the cubes that cut diffuse surfaces into cells [m]; by default, in a case that is
+    read from a file, a fifth of the rooms' least extent where that is below 0.9 m."""
     cell_sky_rays: Annotated[int, Field(ge=1, le=1 << 16)] = 128
     """Deposit D: number of rays from a cell to the sky."""
     sensor_sky_rays: Annotated[int, Field(ge=1, le=1 << 20)] = 2048
@@ -134,7 +134,9 @@ class Accuracy(Table):
         is_fit = "cell_size" in self.model_fields_set or min(extent) >= 2 * self.cell_size
         if is_fit or size < SMALLEST_CELL or 2 * (x * y + y * z + z * x) > MOST_CELLS * size**2:
             return self
-        return self.model_copy(update={"cell_size": size})
+        fit = self.model_copy(update={"cell_size": size})
+        fit.model_fields_set.discard("cell_size")  # another room may want another size
+        return fit
 
     @property
     def stated(self) -> list[str]:

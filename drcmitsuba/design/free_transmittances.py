@@ -46,6 +46,9 @@ def free_transmittances(case: Case, design: Design, clear: Sequence[str]) -> tup
         if not names:
             got = "no shade: its transmittance is not known"
             raise InputError(case.source, field, got, "add [shading] with its material")
+        if case.model is not None and case.model.leaks == "allow":
+            got = "the rooms may be open: which light comes by panes from outside is not told"
+            raise InputError(case.source, field, got, "close the rooms, or compare cases by study")
         _refuse_in_components(case, field, names)
         now = {name: _transmittance(case, field, name, limits[1]) for name in names}
         start = float(np.clip(next(iter(now.values())), *limits))

@@ -113,7 +113,7 @@ class SearchedOpenings:
     ) -> tuple[tuple[AnyLight, ...], EnabledEffects]:
         """Light of all openings with all of their fills, and the effects that it holds.
 
-        Of surfaces that states bring, those that are drawn stand.
+        Of the surfaces that states bring, only those of the drawn states stand.
         """
         accuracy = run.accuracy(case)
         filled = [each.with_tables(accuracy=case.accuracy) for each in self.variants[1:]]

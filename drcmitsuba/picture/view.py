@@ -72,13 +72,12 @@ class PictureView:
         if not across > 1e-9 * lengths.prod():
             got = f"direction {self.direction} and up {self.up}"
             raise self._error("up", got, "give an up vector across the direction")
-        widest = self.widest
+        widest = self._widest()
         if not 0 < min(self.angles) <= max(self.angles) <= widest:
             got = f"{self.angles[0]:g} by {self.angles[1]:g}"
             raise self._error("angles", got, f"give angles above 0 and up to {widest:g}")
 
-    @property
-    def widest(self) -> float:
+    def _widest(self) -> float:
         """Largest angle across [deg]."""
         if self.kind in PROJECTIONS:
             return float(np.degrees(2 * PROJECTIONS[self.kind].widest))

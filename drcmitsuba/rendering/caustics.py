@@ -8,7 +8,7 @@ the sky photons count it as well.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import drjit as dr
 import mitsuba as mi
@@ -16,7 +16,7 @@ import numpy as np
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.rendering.glow import GlowTable
-from drcmitsuba.rendering.pane_light import PaneLight, weighed
+from drcmitsuba.rendering.pane_light import PaneLight, under
 from drcmitsuba.rendering.surface_light import HourSources, SurfaceLight
 from drcmitsuba.rendering.view_glow import ViewGlow
 from drcmitsuba.runtime.flat_arrays import flat
@@ -42,7 +42,9 @@ class Caustics:
     """Tracer of a sun's photons; None where all of its light has exact directions."""
     accuracy: Accuracy
     panes: PaneLight | None
-    """Diffusing panes on which photons count; None without any."""
+    """Diffusing panes on which photons are counted; None without any."""
+    _by_sky: list[mi.TensorXf] = field(default_factory=list, init=False, repr=False)
+    """Light of the sky on these panes in every replicate, once it was asked for."""
 
     @classmethod
     def of(
@@ -53,6 +55,8 @@ class Caustics:
 
         Panes of the `table` that scatter evenly count them, too.
         """
+        if not scene.followed:
+            return None
         none, panes = np.zeros((0, 3)), PaneLight(table)
         squares = panes.squares
 
@@ -101,8 +105,7 @@ class Caustics:
         """
         if self.panes is None:
             return mi.Float(0)
-        lit = enumerate(zip(self.of_sky, light.deposits, strict=True))
-        return self.panes.seen(glow, [self.panes.by_sky(by, at, r) for r, (by, at) in lit])
+        return self.panes.seen(glow, self._sky_on(self.panes, light))
 
     def glow(
         self, glow: ViewGlow, light: SurfaceLight, sources: HourSources,
@@ -115,14 +118,21 @@ class Caustics:
         if self.panes is None:
             return mi.Float(0)
         every = []
-        for r, (landed, lit) in enumerate(zip(self.of_sky, light.deposits, strict=True)):
-            E = weighed(self.panes.by_sky(landed, lit, r), sources.sky)
+        for r, D in enumerate(self._sky_on(self.panes, light)):
+            E = under(D, sources.sky)
             if by_sun is not None:
                 photons = of_sun[r] if of_sun else None
-                D = self.panes.by_sun(photons, by_sun.deposits[r], r)
-                E += weighed(D, np.array([sources.sun]))
+                by = self.panes.by_sun(photons, by_sun.deposits[r], r)
+                E += under(by, np.array([sources.sun]))
             every.append(E)
         return self.panes.seen(glow, every)
+
+    def _sky_on(self, panes: PaneLight, light: SurfaceLight) -> list[mi.TensorXf]:
+        """Light of the sky's bins on panes in every replicate, which all hours share."""
+        if not self._by_sky:
+            lit = enumerate(zip(self.of_sky, light.deposits, strict=True))
+            self._by_sky.extend(panes.by_sky(landed, deposit, r) for r, (landed, deposit) in lit)
+        return self._by_sky
 
 
 @dataclass(frozen=True)

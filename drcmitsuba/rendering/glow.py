@@ -312,7 +312,7 @@ class GlowTable:
 
 
 def scattering_of_components(scene: Scene) -> tuple[ScenePart, ...]:
-    """Panes of components that scatter evenly; photons alone know their light."""
+    """Panes of components that scatter evenly, of which no deposit knows the light."""
     return tuple(p for p in scene.parts if p.component and isinstance(p.material, DiffuserMaterial))
 
 

@@ -293,7 +293,7 @@ def prepare(
     backend.select()
     name, shown = picture_view(case, view)
     rows, columns = shape_of(shown, size)
-    shown = with_square_pixels(shown, rows, columns)
+    shown = with_square_pixels(case, name, shown, rows, columns)
     with stage("plan"):
         facade = ViewFacade.of(case, state, fills)
         effects = effects_of_view(facade, fills, rows * columns)

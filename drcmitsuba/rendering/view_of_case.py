@@ -87,14 +87,15 @@ def shape_of(view: PictureView, size: Size) -> tuple[int, int]:
     return rows, columns
 
 
-def with_square_pixels(view: PictureView, rows: int, columns: int) -> PictureView:
-    """View of square pixels: where one angle is told, it is that across the picture."""
-    if view.angles[0] != view.angles[1] or rows == columns:
+def with_square_pixels(
+    case: Case, name: str, view: PictureView, rows: int, columns: int
+) -> PictureView:
+    """View of square pixels: the one angle of a perspective in `[views]` is that across it."""
+    table = case.views.get(name)
+    if table is None or isinstance(table.angle, tuple) or view.kind != "perspective":
         return view
-    wide, projection = view.half_size[0], view.projection
-    high = min(wide * rows / columns, projection.distance(np.float64(projection.widest)))
-    up = 2 * float(np.degrees(projection.angle(np.float64(high))))
-    return replace(view, angles=(view.angles[0], min(up, view.widest)))
+    up = np.degrees(2 * np.arctan(view.half_size[0] * rows / columns))
+    return replace(view, angles=(view.angles[0], float(up)))
 
 
 def in_the_scene(case: Case, view: PictureView) -> PictureView:

@@ -185,6 +185,7 @@ def _in_toml(message: str) -> str:
 def shortened(value: object) -> str:
     """Write a value as in TOML, cut to 60 characters."""
     text = json.dumps(value, default=str, ensure_ascii=False)
+    text = text.encode("utf-8", "backslashreplace").decode()  # names of files may be no text
     return text if len(text) <= 60 else text[:57] + "..."
 
 

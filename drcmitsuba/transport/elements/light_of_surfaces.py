@@ -121,7 +121,7 @@ class LightOfSurfaces:
         """Light with factors of each element, as `LightByElement.scaled`."""
 
         def made(fills: Fills, most: int, progress: Progress) -> LightByElement:
-            return self.make(fills, most, progress).scaled(factors)
+            return self.of(fills, progress).scaled(factors)
 
         known = {fills: light.scaled(factors) for fills, light in self.known.items()}
         return replace(self, make=made, known=known)

@@ -65,7 +65,7 @@ class MarkedLight:
     @property
     def nbytes(self) -> int:
         """Memory of the arrays [bytes]."""
-        return sum(a.nbytes for a in (self.sensor, self.block, self.weight, self.met))
+        return sum(a.nbytes for a in (self.sensor, self.block, self.weight, self.met, self.passes))
 
     def weighed(self, shares: np.ndarray) -> np.ndarray:
         """G_m of the sensors from the blocks (sensor, block), with shares (element,)."""

@@ -65,8 +65,8 @@ class Traits:
     smooth: bool
     """Whether no surface scatters at random, apart from the choice to mirror or to refract."""
     imaged: bool
-    """Whether light by way of mirrors that others find by its exact directions counts on cells;
-    what these put on diffusing panes counts there."""
+    """Whether light by way of mirrors that others find by its exact directions counts on cells.
+    Light that these mirrors put on diffusing panes is left to the exact directions."""
 
     @classmethod
     def of(cls, ports: ComponentPorts, panes: ChangingPanes | None, imaged: bool) -> Traits:

@@ -142,7 +142,7 @@ def test_coefficient_pictures_sum_up_to_the_sky_of_an_hour(room, solved):
 
 @pytest.mark.parametrize("sun", [0.0, SUN])
 def test_the_diffuser_of_a_pipe_lights_an_eye_below_it(sun):
-    """Photons alone know most of its light, and all of what the sensor gets of it."""
+    """A sensor at the eye gets all of its light by photons, the picture by its glow."""
     case, state = under_a_pipe(bottom="opal")
     world = scenes.load(case, state)
     view = PictureView("hemispherical", (0, 0, 1), (0, 1, 0), (180, 180), (1.6, 1.8, 1.2))

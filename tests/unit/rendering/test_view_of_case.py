@@ -6,8 +6,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.views import ViewTable
 from drcmitsuba.picture.view import PictureView
-from drcmitsuba.rendering.view_of_case import instant_of, shape_of, with_square_pixels
+from drcmitsuba.rendering.view_of_case import (
+    instant_of,
+    picture_view,
+    shape_of,
+    with_square_pixels,
+)
 from drcmitsuba.runtime.errors import InputError
 
 NOON = np.datetime64("2015-03-20T12:00")
@@ -37,16 +44,24 @@ def test_sizes_are_columns_or_columns_and_rows(size):
     assert shape_of(view, size) == ((24, 24) if np.ndim(size) == 0 else (12, 24))
 
 
-@pytest.mark.parametrize("kind", ["perspective", "equidistant", "equisolid"])
-def test_pixels_are_square_where_one_angle_is_told(kind):
-    view = PictureView(kind, angles=(80.0, 80.0))
-    square = with_square_pixels(view, 30, 60)
-    assert square.angles[0] == 80
-    wide, high = square.half_size
-    assert high == pytest.approx(wide / 2)
-    assert with_square_pixels(view, 30, 30) is view
-    told = PictureView(kind, angles=(80.0, 70.0))
-    assert with_square_pixels(told, 30, 60) is told
+def test_pixels_of_a_perspective_are_square_where_one_angle_is_told():
+    one = ViewTable(position=(1, 1, 1), direction=(0, 1, 0), kind="perspective", angle=80)
+    views = {
+        "one": one, "both": one.model_copy(update={"angle": (80.0, 80.0)}),
+        "fisheye": one.model_copy(update={"kind": "equidistant"}),
+    }  # fmt: skip
+    case = Case.model_validate(
+        {
+            "room": {"size": [4, 4, 3]}, "views": views,
+            "sensors": {"corner": [1, 1, 0.8], "count": [1, 1]},
+        }
+    )  # fmt: skip
+    for name in views:
+        _, view = picture_view(case, name)
+        square = with_square_pixels(case, name, view, 30, 60)
+        assert square.angles[0] == 80
+        ratio = square.half_size[1] / square.half_size[0]
+        assert ratio == pytest.approx(0.5 if name == "one" else 1.0)
 
 
 @pytest.mark.parametrize(
