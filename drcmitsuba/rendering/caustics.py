@@ -19,9 +19,11 @@ from drcmitsuba.rendering.glow import GlowTable
 from drcmitsuba.rendering.pane_light import PaneLight, under
 from drcmitsuba.rendering.surface_light import HourSources, SurfaceLight
 from drcmitsuba.rendering.view_glow import ViewGlow
+from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
+from drcmitsuba.transport.cells.cells import CellGrid
 from drcmitsuba.transport.photons.light import Landed
 from drcmitsuba.transport.photons.tracer import PhotonTracer
 from drcmitsuba.transport.replicate import Replicates
@@ -61,7 +63,7 @@ class Caustics:
         squares = panes.squares
 
         def tracer(size: float, photons: int, subdivision: int | None) -> PhotonTracer | None:
-            size = min(size, accuracy.cell_size)
+            size = _fitting(scene, size, accuracy.cell_size)
             finer = accuracy.model_copy(update={"cell_size": size, "photons": photons})
             imaged = subdivision is not None
             made = PhotonTracer.of(
@@ -157,6 +159,18 @@ class CausticMap:
         row, known = areas.at(areas.grid.key(p, n))
         at = replicate * dr.opaque(mi.UInt32, len(areas)) + row
         return dr.select(known, at, 0), known
+
+
+def _fitting(scene: Scene, size: float, most: float) -> float:
+    """Edge of cells from `size` on [m], of which a large scene holds few enough."""
+    while size < most:
+        try:
+            CellGrid.of(scene, size)
+        except InputError:
+            size *= 1.5
+        else:
+            return size
+    return most
 
 
 def _map(landed: list[Landed] | tuple[Landed, ...], kind: int, L: np.ndarray) -> CausticMap:

@@ -47,9 +47,9 @@ class GlowTable:
     @classmethod
     def of(cls, base: Deposit) -> GlowTable:
         """Table of the panes of a deposit."""
-        quads = [part.quads for part in scattering_of_components(base.scene)]
-        own = None
-        if quads and sum(map(len, quads)) <= MOST_PATCHES:
+        every = [part.quads for part in scattering_of_components(base.scene)]
+        quads, own = [each[areas(each) > 0] for each in every], None
+        if 0 < sum(map(len, quads)) <= MOST_PATCHES:
             width = max(PATCH, np.sqrt(sum(areas(each).sum() for each in quads) / MOST_PATCHES))
             own = PanePatches.of(quads, float(width))
         return cls(base.scene, base.films, base.patches, own)

@@ -62,6 +62,11 @@ FILMS = (
     "scatter; illuminance and glare of a year have it"
 )
 """Note on films where photons are followed."""
+DIFFUSERS = (
+    "the picture leaves out light that components throw on diffusing panes, which lie in too many "
+    "planes; illuminance and glare of a year have it"
+)
+"""Note on such panes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,9 +149,7 @@ class PreparedView:
             captured=date.replace("-", ":").replace("T", " "),
         )  # fmt: skip
         again = max(one.cells.again for one in self.channels)
-        world = views[0].scene
-        lacking = (FILMS,) if world.films and world.followed else ()
-        notes = (*_notes(self.case, instant, light), *note_of(again), *lacking)
+        notes = (*_notes(self.case, instant, light), *note_of(again), *_lacking(views[0]))
         return Rendering(
             picture, error[0], disk[0], self.case.accuracy.replicates - 1, self.case.name,
             self.name, self.facade.told(state, choice or {}, indices), instant, source, notes,
@@ -223,6 +226,16 @@ def _told(view: TracedView, done: Progress) -> Iterator[xr.Dataset]:
     for rows in coefficient_pictures(view):
         yield rows
         done((int(rows["row"][-1]) + 1) / view.rows)
+
+
+def _lacking(view: TracedView) -> tuple[str, ...]:
+    """Notes on light of photons that a picture does not show."""
+    notes, world, photons = [], view.scene, view.caustics
+    if world.films and world.followed:
+        notes.append(FILMS)
+    if photons is not None and photons.panes is None and any(view.glow.table.faces):
+        notes.append(DIFFUSERS)
+    return tuple(notes)
 
 
 def _notes(case: Case, instant: np.datetime64, light: Daylight) -> tuple[str, ...]:
