@@ -16,14 +16,14 @@ import numpy as np
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.rendering.glow import GlowTable
-from drcmitsuba.rendering.pane_light import PaneLight, under
+from drcmitsuba.rendering.pane_light import PaneLight
 from drcmitsuba.rendering.surface_light import HourSources, SurfaceLight
 from drcmitsuba.rendering.view_glow import ViewGlow
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cells.cells import CellGrid
+from drcmitsuba.transport.light.irradiance import under
 from drcmitsuba.transport.photons.light import Landed
 from drcmitsuba.transport.photons.tracer import PhotonTracer
 from drcmitsuba.transport.replicate import Replicates
@@ -175,10 +175,6 @@ def _fitting(scene: Scene, size: float, most: float) -> float:
 
 def _map(landed: list[Landed] | tuple[Landed, ...], kind: int, L: np.ndarray) -> CausticMap:
     """Map of the photons of the sky (0) or of suns (1) of luminances L (bin,)."""
-    column, parts = mi.TensorXf(flat(L), (len(L), 1)), []
-    for one in landed:
-        D = one.cells[kind]
-        parts.append((D @ column).array if D.shape[1] else dr.zeros(mi.Float, D.shape[0]))
-    E = dr.concat(parts)
+    E = dr.concat([under(one.cells[kind], L).array for one in landed])
     dr.eval(E)
     return CausticMap(landed[0], E)

@@ -7,8 +7,9 @@ surface, is an entry of this table and a weight; the table follows from the hour
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import drjit as dr
@@ -24,6 +25,7 @@ from drcmitsuba.scene.scene import Scene, ScenePart
 from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.films.films import Films
 from drcmitsuba.transport.films.peaks import Peaks, take_out
+from drcmitsuba.transport.light.irradiance import under
 from drcmitsuba.transport.panes.patches import PanePatches
 from drcmitsuba.transport.panes.transfer import PaneLook, looks
 
@@ -245,8 +247,7 @@ class GlowTable:
             )
         if self.patches is not None:
             assert lit.faces is not None
-            through, back = self._optics()
-            parts.append(_even(lit.faces.sky, through, back).array)
+            parts.append(self._even(lit.faces.sky).array)
         if self.of_components is not None:
             parts.append(dr.zeros(mi.Float, self.faces[1] * bins))
         return mi.TensorXf(dr.concat(parts), (len(self), bins))
@@ -257,13 +258,7 @@ class GlowTable:
         `E` has the faces of the room's panes, then those of components, (face, column); the result
         has as many columns.
         """
-        kinds = zip(
-            (self.patches, self.of_components),
-            (self.scene.scattering, scattering_of_components(self.scene)), strict=True,
-        )  # fmt: skip
-        optics = [_optics(patches, parts) for patches, parts in kinds if patches is not None]
-        through, back = (dr.concat(list(each)) for each in zip(*optics, strict=True))
-        return from_row(int(self.first[-1]), len(self), _even(E, through, back))
+        return from_row(int(self.first[-1]), len(self), self._even(E))
 
     def _rows_of(self, first: np.ndarray) -> mi.UInt32:
         """Rows of the films' entries in a table in which patches begin at rows `first`."""
@@ -282,7 +277,7 @@ class GlowTable:
         films, on_films = lit.films, lit.on_films
         out = dr.zeros(mi.Float, int(self.first[-1]))
         if len(L_sky):
-            glow = (on_films.to_sky @ mi.TensorXf(flat(L_sky), (len(L_sky), 1))).array
+            glow = under(on_films.to_sky, L_sky).array
             out += dr.gather(mi.Float, glow, self._rows_of(films.first_sky_rows()))
         if dr.width(answer):
             of_mount = np.cumsum([0, *(m.rows for m in films.mounts)])[films.patches.owner]
@@ -295,10 +290,30 @@ class GlowTable:
             out += f * (front + back) * dr.opaque(mi.Float, L_sun)
         return out
 
+    @cached_property
     def _optics(self) -> tuple[mi.Float, mi.Float]:
-        """Transmittance and reflectance of the faces of the room's diffusing panes."""
-        assert self.patches is not None
-        return _optics(self.patches, self.scene.scattering)
+        """Transmittance and reflectance of diffusing panes' faces, those of the room first."""
+        kinds = (
+            (self.patches, self.scene.scattering),
+            (self.of_components, scattering_of_components(self.scene)),
+        )
+        through, back = [np.zeros(0)], [np.zeros(0)]
+        for patches, parts in kinds:
+            optics: list[Any] = [part.material for part in parts]
+            owner = np.zeros(0, int) if patches is None else patches.owner
+            through.append(np.repeat([optics[i].scattered for i in owner], 2))
+            back.append(np.ravel([optics[i].sides for i in owner]))
+        return flat(np.concatenate(through)), flat(np.concatenate(back))
+
+    def _even(self, E: mi.TensorXf) -> mi.TensorXf:
+        """Radiance of the first faces by their irradiance (face, column), scattered evenly."""
+        faces, columns = E.shape
+        stride = dr.opaque(mi.UInt32, columns)
+        entry = dr.arange(mi.UInt32, faces * columns)
+        face, column = entry // stride, entry % stride
+        far, near = (dr.gather(mi.Float, E.array, f * stride + column) for f in (face ^ 1, face))
+        T, R = (dr.gather(mi.Float, share, face) for share in self._optics)
+        return mi.TensorXf((T * far + R * near) * dr.inv_pi, (faces, columns))
 
     def _of_faces(self, lit: Deposit, L_sky: np.ndarray, L_sun: float) -> mi.Float:
         assert self.patches is not None
@@ -306,9 +321,8 @@ class GlowTable:
         E = dr.zeros(mi.Float, 2 * len(self.patches))
         for D, L in zip(lit.faces, (L_sky, np.full(len(lit.suns), L_sun)), strict=True):
             if len(L):
-                E += (D @ mi.TensorXf(flat(L), (len(L), 1))).array
-        through, back = self._optics()
-        return _even(mi.TensorXf(E, (dr.width(E), 1)), through, back).array
+                E += under(D, L).array
+        return self._even(mi.TensorXf(E, (dr.width(E), 1))).array
 
 
 def scattering_of_components(scene: Scene) -> tuple[ScenePart, ...]:
@@ -323,21 +337,3 @@ def from_row(first: int, rows: int, values: mi.TensorXf) -> mi.TensorXf:
     at = dr.arange(mi.UInt32, dr.width(values.array)) + dr.opaque(mi.UInt32, first * columns)
     dr.scatter(out, values.array, at)
     return mi.TensorXf(out, (rows, columns))
-
-
-def _optics(patches: PanePatches, parts: Sequence[ScenePart]) -> tuple[mi.Float, mi.Float]:
-    """Transmittance and reflectance of the faces of the patches of some panes."""
-    optics: list[Any] = [part.material for part in parts]
-    through = np.repeat([optics[i].scattered for i in patches.owner], 2)
-    return flat(through), flat([optics[i].sides for i in patches.owner])
-
-
-def _even(E: mi.TensorXf, through: mi.Float, back: mi.Float) -> mi.TensorXf:
-    """Radiance of faces that scatter evenly, by their irradiance (face, column)."""
-    faces, columns = E.shape
-    stride = dr.opaque(mi.UInt32, columns)
-    entry = dr.arange(mi.UInt32, faces * columns)
-    face, column = entry // stride, entry % stride
-    far, near = (dr.gather(mi.Float, E.array, f * stride + column) for f in (face ^ 1, face))
-    T, R = (dr.gather(mi.Float, share, face) for share in (through, back))
-    return mi.TensorXf((T * far + R * near) * dr.inv_pi, (faces, columns))

@@ -18,7 +18,6 @@ import numpy as np
 
 from drcmitsuba.rendering.glow import GlowTable, from_row, scattering_of_components
 from drcmitsuba.rendering.view_glow import ViewGlow
-from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Draw, Key, Stream
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.deposit import Deposit
@@ -100,11 +99,6 @@ class PaneLight:
         columns = parts[0].shape[1]
         own = dr.concat([self.table.further(E).array for E in parts])
         return glow.of_eye(own, columns)
-
-
-def under(E: mi.TensorXf, L: np.ndarray) -> mi.TensorXf:
-    """Irradiance (face, 1) of light (face, bin) under luminances L (bin,)."""
-    return E @ mi.TensorXf(flat(L), (len(L), 1))
 
 
 def _faces(scene: Scene, patches: PanePatches) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -18,12 +18,12 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.rendering.view_glow import ViewGlow
-from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.transport.cells.points import CellPoints
 from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.films.peaks import Peaks
 from drcmitsuba.transport.interreflection.solved_cells import Transfer
+from drcmitsuba.transport.light.irradiance import under
 from drcmitsuba.transport.photons.tracer import PhotonTracer
 from drcmitsuba.transport.replicate import Replicates
 
@@ -118,10 +118,12 @@ class SurfaceLight:
         """Irradiance of the cells [lx], flat (replicate, cell)."""
         if self.sky is None or not self.cells:
             return mi.Float(0)
-        E = _irradiance(self.sky, 0, sources.sky)
+        assert self.sky.cells is not None
+        E = under(self.sky.cells.sky, sources.sky)
         if by_sun is not None:
-            E += _irradiance(by_sun, 1, np.array([sources.sun]))
-        return self.reflected(mi.TensorXf(E, (dr.width(E), 1))).array
+            assert by_sun.cells is not None
+            E += under(by_sun.cells.sun, np.array([sources.sun]))
+        return self.reflected(E).array
 
     def reflected(self, direct: mi.TensorXf) -> mi.TensorXf:
         """Irradiance with the light that cells have reflected, shape (replicate · cell, bin).
@@ -150,13 +152,3 @@ class SurfaceLight:
                 whole[-1] = L + table.radiance(lit, none, sources.sun, answer)
                 rest[-1] = L + table.radiance(lit, none, sources.sun, left)
         return Glowing(glow.of_eye(dr.concat(whole)), glow.of_surfaces(dr.concat(rest)), peaks)
-
-
-def _irradiance(light: Replicates, kind: int, L: np.ndarray) -> mi.Float:
-    """E₀ of the cells by a kind of bins (0 the sky's, 1 suns) of luminances L (bin,)."""
-    assert light.cells is not None
-    column = mi.TensorXf(flat(L), (len(L), 1))
-    D = light.cells[kind]
-    if D.shape[1] == 0:
-        return dr.zeros(mi.Float, D.shape[0])
-    return (D @ column).array

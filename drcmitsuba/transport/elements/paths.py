@@ -59,13 +59,14 @@ class OutsideRooms(NamedTuple):
     @classmethod
     def of(cls, scene: Scene, points: np.ndarray, gathered: Gathered) -> OutsideRooms:
         """Look where sensors at points (sensor, 3), and what stands for cells, lie."""
-        rooms, drawn = gathered.drawn.rooms, gathered.drawn.p.numpy().reshape(-1, 3)
+        rooms, count = gathered.drawn.rooms, gathered.cells.count
         if rooms is not None and gathered.within is not None:
             return cls(np.asarray(gathered.within) == 0, rooms.numpy() == 0)
-        count = gathered.cells.count
         if scene.enclosure is None or not scene.enclosure.is_box:
             return cls(np.zeros(len(points), bool), np.zeros(count, bool))
-        return cls(~scene.enclosure.holds(points), ~scene.enclosure.holds(drawn[:count]))
+        first = dr.gather(mi.Float, gathered.drawn.p, dr.arange(mi.UInt32, 3 * count))
+        drawn = first.numpy().reshape(-1, 3)  # of one replicate: cells lie alike in all
+        return cls(~scene.enclosure.holds(points), ~scene.enclosure.holds(drawn))
 
 
 class ElementPaths(Protocol):

@@ -26,7 +26,7 @@ class SmoothStates:
     years: tuple[SmoothYear, ...]
     """Year beside each set, that of the open state first."""
     place: tuple[tuple[int, int], ...]
-    """Year of every state, and its number there."""
+    """Year of every state, and its number there; the open state is in the first year alone."""
 
     @classmethod
     def of(
@@ -48,7 +48,8 @@ class SmoothStates:
         place = [(0, 0)]
         for light, closing in zip(lights[1:], closings, strict=True):
             closed[id(light)].append(closing)
-            place.append(([*sets].index(id(light)), len(closed[id(light)])))
+            number = len(closed[id(light)]) - (light is not first)
+            place.append(([*sets].index(id(light)), number))
         years = tuple(
             SmoothYear.of(light, daylight, is_open, closed[each], group if light is first else None)
             for each, light in sets.items()
@@ -71,9 +72,11 @@ class SmoothStates:
 
     def illuminance(self, shares: mi.Float, factors: mi.Float) -> Illuminances:
         """Illuminance by shares of elements, as `SmoothYear.illuminance`."""
-        by_year = [year.states(shares, factors) for year in self.years]
+        first, *others = self.years
+        by_year = [first.states(shares, factors)]
+        by_year += [year.states(shares, factors, first=1) for year in others]
         states = [by_year[year][number] for year, number in self.place]
-        return evaluated(states, self.years[0].straight_light(shares * factors))
+        return evaluated(states, first.straight_light(shares * factors))
 
     def straight_sun(self, weighed: Callable[[StraightPairs], mi.Float]) -> list[mi.TensorXf]:
         """E by straight sun [lx], as `SmoothYear.straight_sun`."""

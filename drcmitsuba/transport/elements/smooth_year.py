@@ -202,10 +202,10 @@ class SmoothYear:
         """
         return evaluated(self.states(shares, factors), self.straight_light(shares * factors))
 
-    def states(self, shares: mi.Float, factors: mi.Float) -> list[mi.TensorXf]:
-        """E [lx] in the open state and in every further one; parameters as for `illuminance`."""
-        E, *behind = map(self._accumulated, self.coefficients(shares, factors))
-        return [E, *(behind or [E] * len(self.closings))]
+    def states(self, shares: mi.Float, factors: mi.Float, first: int = 0) -> list[mi.TensorXf]:
+        """E [lx] in the states from the `first` one on, 0 the open one; else as `illuminance`."""
+        E = list(map(self._accumulated, self.coefficients(shares, factors, first)))
+        return E if self.closed else E * (1 + len(self.closings) - first)
 
     def straight_light(self, weights: mi.Float) -> list[mi.TensorXf]:
         """E by straight sun [lx], as `straight_sun`, by weights (element + 1,)."""
@@ -220,18 +220,23 @@ class SmoothYear:
         straight, *groups = (change(pairs, self.labels) for pairs in (self.straight, *self.groups))
         return replace(self, straight=straight, groups=tuple(groups))
 
-    def coefficients(self, shares: mi.Float, factors: mi.Float) -> tuple[mi.Float, ...]:
-        """C of the open state and of every further one, flat (bin, sensor) [sr].
+    def coefficients(
+        self, shares: mi.Float, factors: mi.Float, first: int = 0
+    ) -> tuple[mi.Float, ...]:
+        """C of the states from the `first` one on, flat (bin, sensor) [sr].
 
-        Parameters are those of `illuminance`.
+        Where all states are alike, it is that of one of them. Parameters are those of `states`.
         """
         same = self._sum(self.same, shares * factors, self.besides)
-        lit = self._sum(self.opened, shares * factors, same)
-        states = [self.returned.added(*lit, shares, factors)]
-        for closing, part in zip(self.closings, self.closed, strict=False):
-            behind = (mi.TensorXf(shares, (1, dr.width(shares))) @ closing).array
-            lit = self._sum(part, behind * factors, same)
-            states.append(self.returned.added(*lit, behind, factors))
+        closings = (None, *self.closings) if self.closed else (None,)
+        kinds = [*zip(closings, (self.opened, *self.closed), strict=True)]
+        states = []
+        for closing, part in kinds[first:] or kinds:
+            own = shares
+            if closing is not None:
+                own = (mi.TensorXf(shares, (1, dr.width(shares))) @ closing).array
+            lit = self._sum(part, own * factors, same)
+            states.append(self.returned.added(*lit, own, factors))
         return tuple(states)
 
     def _sum(

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.transport.light.products import by_replicate
 
 
@@ -38,3 +40,10 @@ class Irradiance(NamedTuple):
     def numpy(self) -> np.ndarray:
         """All bins in one array (receiver, bin)."""
         return np.concatenate([self.sky.numpy(), self.sun.numpy()], axis=1)
+
+
+def under(D: mi.TensorXf, L: np.ndarray) -> mi.TensorXf:
+    """Irradiance (receiver, 1) [lx] by D (receiver, bin) [sr] and luminances L (bin,) [cd/m²]."""
+    if D.shape[1] == 0:
+        return dr.zeros(mi.TensorXf, (D.shape[0], 1))
+    return D @ mi.TensorXf(flat(L), (len(L), 1))
