@@ -22,6 +22,7 @@ from drcmitsuba.model.model import (
     Layer,
     Model,
     joined,
+    numbered_panes,
     with_printable_names,
 )
 from drcmitsuba.model.unstated import without_stated
@@ -113,9 +114,9 @@ class ModelTable(Table):
         model = in_first_state(with_printable_names(joined(parts)))
         in_all_states = [name for layer in model.layers for name in _with_states(layer)]
         model = in_states(model, _numbers_of(model, self.states, source))
-        names = [name for layer in model.layers for name in layer.names]
+        every = [name for layer in model.layers for name in layer.names]
         for field, wanted, known in (
-            ("context", self.context, names), ("leave_out", self.leave_out, names),
+            ("context", self.context, every), ("leave_out", self.leave_out, every),
             ("reflectances", tuple(self.reflectances), in_all_states),
         ):  # fmt: skip
             for pattern in unmet(wanted, known):
@@ -132,8 +133,14 @@ class ModelTable(Table):
         if self.unit is None:
             ask_about_model(source, kept)
         north = model.north if self.north is None else self.north
+        layers = numbered_panes(kept)
+        pairs = zip(kept, layers, strict=True)
+        numbered = dict.fromkeys(own.name for old, own in pairs if own.name != old.name)
         notes = without_stated(model.notes, own)
-        return replace(model, layers=tuple(kept), north=north, notes=notes)
+        if numbered:
+            names = ", ".join(numbered)
+            notes += (f"Panes of another material than others of their name: {names}.",)
+        return replace(model, layers=layers, north=north, notes=notes)
 
     def _leaves_out(self, layer: Layer) -> bool:
         """Whether the materials of all sides of a layer are named to be left out."""

@@ -150,11 +150,12 @@ def with_files(case: Case) -> Case:
         dull = dull or case.effects.components == "off"
         case._building = building.without_polish() if dull else building
         check_sun(case.sun, case.effects, bool(case.standing))
-        for layer in case.building.layers:  # strips and panes name their materials alike
-            if layer.role == "pane" and not isinstance(layer.material, Lambertian):
+        layers = [layer for layer in case.building.layers if layer.role == "pane"]
+        for layer in layers:  # strips and panes name their materials alike
+            if not isinstance(layer.material, Lambertian):
                 case.materials.setdefault(layer.name, layer.material)
-            is_taken = layer.role == "pane" and layer.group in case.groups
-            for state in layer.states[1:] if is_taken else ():
+        for layer in layers:  # after all panes, whose names come first
+            for state in layer.states[1:] if layer.group in case.groups else ():
                 if state.material is not None and not isinstance(state.material, Lambertian):
                     case.materials.setdefault(state.name, state.material)
     return case.with_tables(accuracy=fitted(case.accuracy, case))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import chain, count
 from pathlib import Path
 from typing import Literal
 
@@ -88,12 +89,24 @@ def read(
 def _named(
     file: Path, parts: list[MeshPart], materials: Mapping[str, SurfaceMaterial]
 ) -> dict[str, list[MeshPart]]:
-    """Parts by the first of their names that the table has, or their first one."""
+    """Parts by the first of their names that the table has, or their first one.
+
+    Materials of glTF may share a name: further ones, of another reflectance, are numbered.
+    """
     named: dict[str, list[MeshPart]] = {}
     for part in parts:
-        own = part.names[0] if part.names else file.stem
-        named.setdefault(next((n for n in part.names if n in materials), own), []).append(part)
+        name = next((n for n in part.names if n in materials), None)
+        if name is None:
+            own = part.names[0] if part.names else file.stem
+            names = chain([own], (f"{own} ({k})" for k in count(2)))
+            name = next(n for n in names if _are_alike(part, named.get(n, ())))
+        named.setdefault(name, []).append(part)
     return named
+
+
+def _are_alike(part: MeshPart, others: Sequence[MeshPart]) -> bool:
+    """Whether a part reflects as others of a name do."""
+    return all(part.reflectance == other.reflectance for other in others[:1])
 
 
 def _materials(

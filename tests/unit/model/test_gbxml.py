@@ -103,6 +103,27 @@ def test_glass_has_the_visible_transmittance_of_its_type(tmp_path):
     assert "those of LM-83: floor 0.2, wall 0.5, ceiling 0.7, outside 0.3" in " ".join(model.notes)
 
 
+def test_window_types_of_one_name_are_told_apart(tmp_path):
+    """Every opening had the transmittance of the first one of its type's name."""
+
+    def kind(key, name, tau, angle="0.0"):
+        normal = f'type="Visible" solarIncidentAngle="{angle}"'
+        told = f"<Name>{name}</Name><Transmittance {normal}>{tau}</Transmittance>"
+        return f'<WindowType id="{key}">{told}</WindowType>'
+
+    for name in ("Double", "glass"):
+        types = kind("g", name, 0.7) + kind("dark", name, 0.3)
+        parts = house.with_window_above()
+        parts["south c"] = parts["south c"].replace('windowTypeIdRef="g"', 'windowTypeIdRef="dark"')
+        panes = {x.material.transmittance: x for x in read(tmp_path, parts.values(), types=types)
+                 .layers if x.role == "pane"}  # fmt: skip
+        assert set(panes) == {0.7, 0.3}
+        assert len({layer.name for layer in panes.values()}) == 2
+    tilted = read(tmp_path, types=kind("g", "Double", 0.7, "60"))
+    [glass] = [layer for layer in tilted.layers if layer.role == "pane"]
+    assert glass.material.transmittance == 0.6
+
+
 def test_doors_are_wall_and_air_is_open(tmp_path):
     parts = house.surfaces()
     corners = house.WINDOW[::-1]

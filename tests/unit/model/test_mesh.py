@@ -298,6 +298,22 @@ def test_a_quantized_square_of_gltf_is_one_quad(tmp_path, mode, index, more):
     np.testing.assert_allclose(area_vector(quad), [0, -1, 0], atol=1e-12)
 
 
+def test_materials_of_gltf_with_one_name_are_told_apart(tmp_path):
+    """Both had the reflectance of the first."""
+    path = square(tmp_path, 4, [0, 1, 2, 0, 2, 3], nodes=[{"mesh": 0}, {"mesh": 1}])
+    scene = json.loads(path.read_text())
+    [primitive] = scene["meshes"][0]["primitives"]
+    scene["meshes"] = [{"primitives": [primitive | {"material": k}]} for k in range(2)]
+    colours = [{"baseColorFactor": [r, r, r, 1]} for r in (0.8, 0.1)]
+    scene["materials"] = [{"name": "paint", "pbrMetallicRoughness": each} for each in colours]
+    path.write_text(json.dumps(scene))
+    layers = mesh.read(path, materials={}).layers
+    assert {layer.material.reflectance for layer in layers} == {0.8, 0.1}
+    assert {layer.name for layer in layers} == {"paint", "paint (2)"}
+    [both] = mesh.read(path, materials={"paint": Lambertian(0.5)}).layers
+    assert len(both.quads) == 2
+
+
 @pytest.mark.parametrize("kind", ["obj", "ply"])
 def test_a_concave_pentagon_of_a_file_keeps_its_area(tmp_path, kind):
     """A fan about its first corner has an area of 14 m²."""
