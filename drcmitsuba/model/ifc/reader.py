@@ -34,6 +34,7 @@ PARTS = {
 STEEP = 0.5
 """Least vertical part of the unit normal of a floor or a ceiling [–]."""
 WHOLE = "Windows without a transparent part are glass as a whole"
+OPAQUE = "Plates and curtain walls without a transparent part are opaque"
 LONGEST = 1800.0
 """Longest time that a file may take to be read [s]."""
 CONVERGENCE = 5.0
@@ -107,6 +108,8 @@ def _layers(solids: Iterable[IfcShape], notes: Notes) -> Iterator[Layer]:
         if shape.is_any("IfcWindow") and not clear.any():
             notes.add(WHOLE, shape.place)
             clear = np.ones_like(clear)
+        if shape.is_any("IfcPlate", "IfcCurtainWall") and not clear.any():
+            notes.add(OPAQUE, shape.place)
         if clear.any():
             panes.append((shape.place, sheets_of(shape.triangles[clear])))
         for name, triangles in _sides(shape, shape.triangles[~clear]):

@@ -100,6 +100,16 @@ def test_a_window_without_glass_is_glass_as_a_whole(tmp_path):
     assert any(note.startswith("Windows without a transparent part") for note in model.notes)
 
 
+def test_opaque_plates_are_told(tmp_path):
+    """A curtain wall whose styles state no transparency left a room dark without a word."""
+    made = building.house()
+    made.add("IfcPlate", "panel", building.box((5, -0.15, 1), (6, -0.05, 2)))
+    notes = ifc.read(made.written(tmp_path)).notes
+    [told] = [note for note in notes if note.startswith("Plates and curtain walls without")]
+    assert "IfcPlate" in told
+    assert not any("Plates" in note for note in ifc.read(building.house().written(tmp_path)).notes)
+
+
 def test_place_and_north_are_read(tmp_path):
     made = building.house()
     made.site.RefLatitude, made.site.RefLongitude = (57, 30, 0, 0), (-11, -15, 0, 0)
