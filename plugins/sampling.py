@@ -12,16 +12,18 @@ TO_UNIT = 2.0**-24
 """Turns the upper 24 bits of a random 32-bit number into a number in [0, 1)."""
 
 
-def random_bits(index, seed: int, place=0):
+def random_bits(index, seed, place=0):
     """Two random 32-bit numbers for every index, and every place of it, the same for any launch.
 
     Eight rounds of the cipher: with the usual four, neighbouring indices are correlated (by 0.44).
+    Lanes may have seeds of their own, mi.UInt32.
     """
-    key = dr.opaque(mi.UInt32, seed & 0xFFFFFFFF) + mi.UInt32(place) * 0x85EBCA6B
+    own = seed if isinstance(seed, mi.UInt32) else dr.opaque(mi.UInt32, seed & 0xFFFFFFFF)
+    key = own + mi.UInt32(place) * 0x85EBCA6B
     return mi.sample_tea_32(index, key, 8)
 
 
-def streams(index, seed: int, place=0):
+def streams(index, seed, place=0):
     """Random generators, one for every index and place, the same for any launch."""
     state, sequence = random_bits(index, seed, place)
     return mi.PCG32(1, mi.UInt64(state), mi.UInt64(sequence))

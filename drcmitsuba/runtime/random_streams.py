@@ -172,8 +172,9 @@ def even_order(count: int, dimension: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def even_numbers(
-    index: mi.UInt32, row: mi.UInt32, seed: int, pair: int, place: mi.UInt32 | int = 0
-) -> mi.Point2f:
+    index: mi.UInt32, row: mi.UInt32, seed: int | mi.UInt32, pair: int,
+    place: mi.UInt32 | int = 0,
+) -> mi.Point2f:  # fmt: skip
     """Point of an even sequence in [0, 1)², one of two pairs of dimensions.
 
     Every row, place and seed has a random shift of its own (Cranley and Patterson), which makes

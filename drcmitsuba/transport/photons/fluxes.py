@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import prod
 from typing import NamedTuple
 
 import drjit as dr
@@ -38,23 +39,21 @@ class FluxSums(NamedTuple):
     inner: mi.Float64
     """Flux through the middle quarter of the squares, shape (sensor · bin,)."""
     fates: mi.Float64
-    """Sums of `FATES` and `COUNTS`, shape (fate · bin,)."""
+    """Sums of `FATES` and `COUNTS`, shape (component · fate · bin,)."""
     half: Half
 
     @classmethod
-    def of(cls, cells: int, sensors: int, bins: int, panes_change: bool) -> FluxSums:
-        """Make sums of zero for some cells and sensors."""
-        rows = (cells, sensors, sensors, sensors, len(FATES) + len(COUNTS))
+    def of(
+        cls, cells: int, sensors: int, bins: int, components: int, panes_change: bool
+    ) -> FluxSums:
+        """Make sums of zero for some cells and sensors, and for photons of some components."""
+        rows = (cells, sensors, sensors, sensors, components * (len(FATES) + len(COUNTS)))
         # At least one entry: a kernel takes no empty array.
         sizes = (max(1, (1 + panes_change) * bins * each) for each in rows)
         half = Half(*(dr.opaque(mi.UInt32, rows[i] * bins) for i in (0, 1, 4)))
         return cls._make((*(dr.zeros(mi.Float64, size) for size in sizes), half))
 
-    def by_fate(self, halves: int, bins: int) -> np.ndarray:
-        """Fates, shape (half, fate, bin)."""
-        fates = len(FATES) + len(COUNTS)
-        return self.fates.numpy()[: halves * fates * bins].reshape(halves, fates, bins)
-
-    def without_fates(self) -> FluxSums:
-        """The same sums of receivers, with sums of zero for the fates."""
-        return self._replace(fates=dr.zeros(mi.Float64, dr.width(self.fates)))
+    def by_fate(self, components: int, halves: int, bins: int) -> np.ndarray:
+        """Fates, shape (half, component, fate, bin)."""
+        shape = halves, components, len(FATES) + len(COUNTS), bins
+        return self.fates.numpy()[: prod(shape)].reshape(shape)

@@ -23,10 +23,9 @@ from drcmitsuba.scene.materials import is_diffuse
 from drcmitsuba.scene.scene import ScenePart
 from drcmitsuba.transport.mirrors.mirror_planes import MOST_IN_TURN
 from drcmitsuba.transport.mirrors.planar_mirrors import PlanarMirrors
-from drcmitsuba.transport.photons.changing_panes import ChangingPanes
-from drcmitsuba.transport.photons.fluxes import FluxSums
-from drcmitsuba.transport.photons.ports import ComponentPorts, Start
+from drcmitsuba.transport.photons.fluxes import COUNTS, FATES, FluxSums
 from drcmitsuba.transport.photons.receivers import CellAreas, Squares
+from drcmitsuba.transport.photons.starts import PhotonStarts, Start
 from drcmitsuba.transport.photons.surfaces import Passed, PhotonScene
 from drcmitsuba.transport.rays.bsdf_lookup import (
     absorption,
@@ -45,10 +44,10 @@ Mitsuba takes 1500 in place of 64. In a duct a hundred times as long as wide tha
 width: photons meet the next wall too early, and 2 % of the light were lost after 115 mirrors.
 Points are exact to some 4 · 2⁻²⁴.
 """
-OWN, FILM, DIFFUSER, RECEIVES, CHANGES, IMAGES, LOBES = 1, 2, 4, 8, 16, 32, 64
-"""Traits of a surface, as bits: it belongs to the photon's component; it is a film of the room; it
-is a diffusing pane of the room; light is deposited on it; it is one of `ChangingPanes`; it is one
-of `PlanarMirrors`; it is a rough one, whose `sun_lobes` count."""
+FILM, DIFFUSER, RECEIVES, CHANGES, IMAGES, LOBES, OWN = 1, 2, 4, 8, 16, 32, 64
+"""Traits of a surface, as bits: it is a film of the room; it is a diffusing pane of the room; light
+is deposited on it; it is one of `ChangingPanes`; it is one of `PlanarMirrors`; it is a rough one,
+whose `sun_lobes` count. `OWN` times 1 + the number of its component among those of the photons."""
 _STRAIGHT, _BY_PANES, _OWN, _IMAGED = 0, 1, 2, 3
 """Chain of a photon so far: undeviated, by panes only, deviated by its own component, by planar
 mirrors only, of which `image_suns` and `sun_lobes` count the light."""
@@ -59,7 +58,7 @@ class Traits:
     """Properties of surfaces that a photon needs, by the number of their BSDF."""
 
     bits: mi.UInt32
-    """Sums of `OWN`, `FILM`, `DIFFUSER`, `RECEIVES`, `CHANGES`, `IMAGES` and `LOBES`."""
+    """Sums of the traits, see `OWN`."""
     absorption: mi.Float | None
     """Absorption of solids [1/m]; None where nothing absorbs."""
     smooth: bool
@@ -69,10 +68,11 @@ class Traits:
     Light that these mirrors put on diffusing panes is left to the exact directions."""
 
     @classmethod
-    def of(cls, ports: ComponentPorts, panes: ChangingPanes | None, imaged: bool) -> Traits:
-        """Collect the traits of a scene's surfaces for photons from the given ports."""
-        scene, parts = ports.scene, ports.scene.parts
-        bits = [_bits(part) | (OWN if part.component == ports.name else 0) for part in parts]
+    def of(cls, starts: PhotonStarts, imaged: bool) -> Traits:
+        """Collect the traits of a scene's surfaces for photons that start on some ports."""
+        scene, parts, panes = starts.scene, starts.scene.parts, starts.panes
+        component = {name: OWN * number for number, name in enumerate(starts.names, 1)}
+        bits = [_bits(part) | component.get(part.component, 0) for part in parts]
         mirrors = PlanarMirrors.of(scene)
         if mirrors is not None:
             bits = [bit | IMAGES * (i in mirrors.parts) for i, bit in enumerate(bits)]
@@ -232,7 +232,7 @@ def follow(
         flux = after
 
         deviates = onward & ~mi.has_flag(bs.sampled_type, mi.BSDFFlags.Null)
-        foreign = deviates & (chain == _STRAIGHT) & ((bits & OWN) == 0)
+        foreign = deviates & (chain == _STRAIGHT) & (bits // OWN != start.component + 1)
         others += dr.select(foreign, flux, 0)
         chain = dr.select(deviates, _deviated(chain, bits, turns), chain)
         lobe = (bits & LOBES) != 0  # nothing in turn with it has an image
@@ -253,6 +253,7 @@ def follow(
         active &= flux > 0
         ray = _onward(si, si.to_world(bs.wo))
     column = start.bin + dr.select(by_pane, sums.half.fates, 0)
+    column += start.component * (len(FATES) + len(COUNTS)) * bins
     one = mi.Float(1)
     values = (start.flux, landed, absorbed, escaped, others, lost, roulette, one, mi.Float(step))
     for fate, value in enumerate(values):

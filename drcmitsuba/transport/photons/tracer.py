@@ -20,9 +20,9 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import ClassVar, NamedTuple
 
 import drjit as dr
@@ -44,14 +44,15 @@ from drcmitsuba.transport.photons.fluxes import FluxSums
 from drcmitsuba.transport.photons.light import CommonLight, FluxLedger, Landed, PhotonLight
 from drcmitsuba.transport.photons.pane_ports import pane_sides
 from drcmitsuba.transport.photons.paths import Recorder, Traits, follow
-from drcmitsuba.transport.photons.ports import ComponentPorts, PhotonSources, Start, of_sky, of_suns
+from drcmitsuba.transport.photons.ports import ComponentPorts, PhotonSources, of_sky, of_suns
 from drcmitsuba.transport.photons.reached import ReachedSurfaces
 from drcmitsuba.transport.photons.receivers import CellAreas, Squares
+from drcmitsuba.transport.photons.starts import PhotonStarts, Rows, Start
 from drcmitsuba.transport.photons.surfaces import PhotonScene
 
 SCATTER = 0x51CA77E5
 """Distance between the seeds of photons and of the surfaces that scatter them."""
-_NO_PHOTONS = np.zeros(0, np.uint32)
+_NO_PHOTONS = np.zeros((2, 0), np.uint32)
 PATCH = 4
 """Number of photons of a sky patch per photon of a sun: a patch counts in every hour."""
 
@@ -100,8 +101,9 @@ class PhotonTracer:
         if not every_port:
             return None
         # Behind a closed shade a component sees nothing straight: its light comes by way of panes.
-        for ports in () if pane_sides(scene, imaged=imaged) else every_port:
-            if not ports.sky_share().any():
+        shares = [] if pane_sides(scene, imaged=imaged) else PhotonStarts(every_port).sky_share()
+        for ports, share in zip(every_port, shares, strict=False):
+            if not share.any():
                 got = "neither sky nor ground is seen from its ports"
                 remedy = "move it, or its ports, to where light comes from"
                 raise InputError("case", f"components.{ports.name}", got, remedy)
@@ -158,30 +160,40 @@ class PhotonTracer:
             common = by_sky.common, by_sun.common
         return Landed(self.areas, (by_sky.light, by_sun.light), ledgers, common)
 
+    @cached_property
+    def _starts(self) -> list[PhotonStarts]:
+        """Ports of all components, whose photons fly together, and those of the panes."""
+        kinds = ([p for p in self.ports if bool(p.name) == is_named] for is_named in (True, False))
+        return [PhotonStarts(tuple(every), self.panes) for every in kinds if every]
+
     def _landed(self, kind: _Kind, progress: Progress, known: CommonLight | None) -> _OfKind:
         """Trace the photons of one kind of bins from all ports."""
-        bins, panes_change = len(kind.wanted), self.panes is not None
-        sums = FluxSums.of(len(self.areas), len(self.squares.edge), bins, panes_change)
-        fates, met = dict[str, np.ndarray](), dict[str, np.ndarray]()
-        squares = Recorder(self.squares)
-        for i, ports in enumerate(self.ports):
-            ended = part(progress, i / len(self.ports), (i + 1) / len(self.ports))
-            some = None if known is None else known.met.get(ports.name)
-            source = _Source(self, kind, ports, kind.seed + self.APART * i)
-            mine = sums.without_fates()
-            by_pane = source.followed(some, squares, mine, ended)
-            fates[ports.name] = mine.by_fate(1 + panes_change, bins)
-            if ports.name:
-                met[ports.name] = by_pane
-        light = partial(PhotonLight.of, sums, self.areas.area, self.squares.edge, bins)
+        bins, halves, count = len(kind.wanted), 1 + (self.panes is not None), len(self.ports)
+        areas, edges = self.areas.area, self.squares.edge
+        zero = FluxSums.of(len(self.areas), len(edges), bins, count, halves > 1)
+        met, first, fates = dict[str, np.ndarray](), 0, list[np.ndarray]()
+        squares, sums = Recorder(self.squares), zero
+        for starts in self._starts:
+            own = len(starts.every)
+            ended = part(progress, first / count, (first + own) / count)
+            seeds = kind.seed + self.APART * np.arange(first, first + own)
+            sums = sums._replace(fates=mi.Float64(zero.fates))
+            source = _Source(self, kind, starts, seeds)
+            by_pane = source.followed(None if known is None else known.met, squares, sums, ended)
+            met |= {name: each for name, each in by_pane.items() if name}
+            fates.append(sums.by_fate(count, halves, bins)[:, :own])
+            first += own
+        each = np.concatenate(fates, axis=1).swapaxes(0, 1)
+        by_name = dict(zip((ports.name for ports in self.ports), each, strict=True))
+        light = partial(PhotonLight.of, sums, areas, edges, bins)
         if known is not None:
-            every = {name: each[1] + known.fates.get(name, 0) for name, each in fates.items()}
+            every = {name: each[1] + known.fates.get(name, 0) for name, each in by_name.items()}
             return _OfKind(known.light.plus(light(1)), every)
-        every = {name: each.sum(axis=0) for name, each in fates.items()}
+        every = {name: each.sum(axis=0) for name, each in by_name.items()}
         before = light(0)
-        if not panes_change:
+        if halves == 1:
             return _OfKind(before, every)
-        early = {name: fates[name][0] for name in met}
+        early = {name: by_name[name][0] for name in met}
         common = CommonLight(before, met, early, kind.photons)
         return _OfKind(before.plus(light(1)), every, common)
 
@@ -217,63 +229,73 @@ class _Kind:
 
 @dataclass(frozen=True)
 class _Source:
-    """Photons of one kind of bins from the ports of one component."""
+    """Photons of one kind of bins from the ports of some components."""
 
     tracer: PhotonTracer
     kind: _Kind
-    ports: ComponentPorts
-    seed: int
+    starts: PhotonStarts
+    seeds: np.ndarray
+    """Seed of the photons of every component."""
 
     def followed(
-        self, some: np.ndarray | None, squares: Recorder, sums: FluxSums, progress: Progress
-    ) -> np.ndarray:
-        """Follow all photons, or `some` of them, and add their flux to `sums`.
+        self, some: Mapping[str, np.ndarray] | None, squares: Recorder, sums: FluxSums,
+        progress: Progress,
+    ) -> dict[str, np.ndarray]:  # fmt: skip
+        """Follow all photons, or `some` of the components that these name.
+
+        Their flux is added to `sums`.
 
         Returns
         -------
-        np.ndarray of uint32, shape (photon,)
+        dict of np.ndarray of uint32, shape (photon,)
             Photons that met a pane that may change, as in `CommonLight.met`.
         """
-        kind, ports, panes = self.kind, self.ports, self.tracer.panes
-        listed = panes is not None and bool(ports.name) and some is None
-        could = ports.could(kind.sources) * kind.sends[:, None]
-        traits = Traits.of(ports, panes, self.tracer.imaged)
-        met, counter = [_NO_PHOTONS], ports.scene.ray_counter
-        with counter.purpose(Stream.PHOTONS.name, kind.draw.name, ports.name):
-            for share, seen, lane in self._launches(np.flatnonzero(could.any(axis=1)), some):
-                start = ports.start(
-                    kind.sources, seen, could[seen], kind.photons, self.seed, lane, panes
-                )
-                followed = self._follow(start, lane, traits, squares, sums)
-                met += self._numbers(start, lane, *followed) if listed else []
+        kind, starts, panes = self.kind, self.starts, self.starts.panes
+        is_named = bool(starts.names[0])
+        listed = panes is not None and is_named and some is None
+        rows = Rows.of(starts.every, kind.sources, kind.sends)
+        met, counter = [_NO_PHOTONS], starts.scene.ray_counter
+        purpose = (Stream.PHOTONS.name, kind.draw.name, "components" if is_named else "")
+        with counter.purpose(*purpose):
+            for share, here, lane in self._launches(rows, some if is_named else None):
+                start = starts.start(kind.sources, here, kind.photons, self.seeds, lane)
+                followed = self._follow(start, here, lane, squares, sums)
+                met += self._numbers(start, here, lane, *followed) if listed else []
                 progress(share)
-            fates = sums.by_fate(1 if panes is None else 2, len(kind.wanted))
-            counter.take("photon", round(fates[:, -1].sum()))
-        return np.concatenate(met)
+            halves, components = 1 + (panes is not None), len(self.tracer.ports)
+            fates = sums.by_fate(components, halves, len(kind.wanted))
+            counter.take("photon", round(fates[:, :, -1].sum()))
+        component, number = np.concatenate(met, axis=1)
+        return {name: number[component == c] for c, name in enumerate(starts.names)}
 
     def _launches(
-        self, seen: np.ndarray, some: np.ndarray | None
-    ) -> Iterator[tuple[float, np.ndarray, mi.UInt32]]:
-        """Yield, for each launch, the share that is done after it, its bins, and its lanes."""
+        self, rows: Rows, some: Mapping[str, np.ndarray] | None
+    ) -> Iterator[tuple[float, Rows, mi.UInt32]]:
+        """Yield, for each launch, the share that is done after it, its rows, and its lanes."""
         count = self.kind.photons
         if some is None:
             block = max(1, PHOTONS // count)
-            for first in range(0, len(seen), block):
-                here = seen[first : first + block]
-                yield (first + len(here)) / len(seen), here, dr.arange(mi.UInt32, len(here) * count)
+            for first in range(0, len(rows), block):
+                here = rows.some(slice(first, first + block))
+                done = (first + len(here)) / len(rows)
+                yield done, here, dr.arange(mi.UInt32, len(here) * count)
             return
-        place = np.zeros(len(self.kind.sources.bins), np.uint32)
-        place[seen] = np.arange(len(seen))
-        lanes = place[some // count] * count + some % count
-        for first in range(0, len(lanes), PHOTONS):
-            here = lanes[first : first + PHOTONS]
-            yield (first + len(here)) / len(lanes), seen, flat_indices(here)
+        place = np.zeros((len(self.starts.names), len(self.kind.sources.bins)), int)
+        place[rows.component, rows.source] = np.arange(len(rows))
+        named = [(c, some[name]) for c, name in enumerate(self.starts.names) if name in some]
+        row = np.concatenate([place[c][photons // count] for c, photons in named])
+        index = np.concatenate([photons % count for _, photons in named])
+        for first in range(0, len(row), PHOTONS):
+            mine = slice(first, first + PHOTONS)
+            used, at = np.unique(row[mine], return_inverse=True)
+            lanes = flat_indices(at * count + index[mine])
+            yield min(1.0, (first + PHOTONS) / len(row)), rows.some(used), lanes
 
     def _follow(
-        self, start: Start, lane: mi.UInt32, traits: Traits, squares: Recorder, sums: FluxSums
+        self, start: Start, rows: Rows, lane: mi.UInt32, squares: Recorder, sums: FluxSums
     ) -> tuple[mi.UInt32, mi.Bool]:
         """Follow photons and add their flux; those with any, and whether each met a pane."""
-        tracer, kind = self.tracer, self.kind
+        tracer, kind, starts = self.tracer, self.kind, self.starts
         dr.eval(*start)
         lanes = dr.compress(start.flux > 0)
         if not dr.width(lanes):
@@ -281,21 +303,26 @@ class _Source:
         some = Start(*(dr.gather(type(x), x, lanes) for x in start))
         # Mitsuba's sampler is three times slower in a loop than the generator behind it.
         number = dr.gather(mi.UInt32, mi.UInt32(kind.sources.numbers), some.source)
-        index = self.ports.index(dr.gather(mi.UInt32, lane, lanes), kind.photons)
-        random = (streams(number, self.seed + apart, index) for apart in (0, SCATTER))
+        index = starts.index(rows, dr.gather(mi.UInt32, lane, lanes), kind.photons)
+        seeds = (starts.seed(self.seeds + apart, some.component) for apart in (0, SCATTER))
+        random = (streams(number, seed, index) for seed in seeds)
         tracer.areas.grid.prepare()
         sizes = len(kind.wanted), tracer.surfaces
         by_pane = follow(
-            tracer.world, traits, tracer.areas, squares, some, sums,
+            tracer.world, self._traits, tracer.areas, squares, some, sums,
             *(dr.opaque(mi.UInt32, size) for size in sizes), *random,
         )  # fmt: skip
         dr.eval(by_pane, *sums)  # together: each alone would follow all photons again
         return lanes, by_pane
 
+    @cached_property
+    def _traits(self) -> Traits:
+        return Traits.of(self.starts, self.tracer.imaged)
+
     def _numbers(
-        self, start: Start, lane: mi.UInt32, followed: mi.UInt32, by_pane: mi.Bool
+        self, start: Start, rows: Rows, lane: mi.UInt32, followed: mi.UInt32, by_pane: mi.Bool
     ) -> Iterator[np.ndarray]:
-        """Yield the numbers of photons that met a pane, and of those to which panes stop light."""
+        """Yield components and numbers of photons that met a pane, or to which panes stop light."""
         count = dr.opaque(mi.UInt32, self.kind.photons)
         dark = start.by_pane & (start.flux <= 0)  # they may be bright in another state
         met = [dr.compress(dark)]
@@ -303,5 +330,6 @@ class _Source:
             met.append(dr.gather(mi.UInt32, followed, dr.compress(by_pane)))
         for at in met:
             if dr.width(at):
-                source, index = (dr.gather(mi.UInt32, x, at) for x in (start.source, lane))
-                yield (source * count + index % count).numpy()
+                columns = (start.source, lane, start.component)
+                source, index, component = (dr.gather(mi.UInt32, x, at) for x in columns)
+                yield np.stack([component.numpy(), (source * count + index % count).numpy()])
