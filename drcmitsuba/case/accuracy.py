@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from typing import Annotated, NamedTuple
@@ -24,6 +25,8 @@ OF_EXTENT = 5
 """Number of cells across the least extent of small rooms, such as those of a scale model."""
 MOST_CELLS = 20_000
 """Largest number of cells of small rooms."""
+FEW_COMPONENTS = 4
+"""Number of components up to which each has all photons: many light the room together."""
 AT_SENSORS = "% at each sensor"
 """Unit of a target for the illuminance of the hours at every sensor, and at every eye."""
 OF_GLARE = "point of glare hours"
@@ -90,7 +93,9 @@ class Accuracy(Table):
     film_sky_samples: Annotated[int, Field(ge=1, le=1 << 16)] = 256
     """Deposit D: number of directions to the sky from every outgoing cell of a film's BSDF."""
     photons: Annotated[int, Field(ge=1, le=1 << 22)] = 1024
-    """Number of photons from every sun to a component; a sky patch sends four times as many."""
+    """Number of photons from every sun to a component; a patch of Tregenza's sky sends four times
+    as many, and its finer patches share them. By default, in a case that is read from a file, more
+    than `FEW_COMPONENTS` components have fewer: those of all grow with the root of their number."""
     photon_surfaces: Annotated[int, Field(ge=2, le=10_000)] = 256
     """Largest number of surfaces that a photon meets; a note states the light lost beyond it."""
     sensor_square: Annotated[float, Field(gt=0, le=10)] = 0.3
@@ -136,6 +141,16 @@ class Accuracy(Table):
             return self
         fit = self.model_copy(update={"cell_size": size})
         fit.model_fields_set.discard("cell_size")  # another room may want another size
+        return fit
+
+    def of_components(self, count: int) -> Accuracy:
+        """Accuracy with fewer photons for each of many components, unless the case states them."""
+        if count <= FEW_COMPONENTS or "photons" in self.model_fields_set:
+            return self
+        fit = self.model_copy(
+            update={"photons": round(self.photons * math.sqrt(FEW_COMPONENTS / count))}
+        )
+        fit.model_fields_set.discard("photons")  # another case may have fewer components
         return fit
 
     @property

@@ -162,8 +162,9 @@ def with_files(case: Case) -> Case:
 
 
 def fitted(accuracy: Accuracy, case: Case) -> Accuracy:
-    """Accuracy whose cells fit the rooms of a case, see `Accuracy.of_rooms`."""
-    return accuracy if case.extent is None else accuracy.of_rooms(case.extent)
+    """Accuracy whose cells fit the rooms of a case, and whose photons its number of components."""
+    fit = accuracy.of_components(len(case.components))
+    return fit if case.extent is None else fit.of_rooms(case.extent)
 
 
 def _unused(case: Case, building: Model) -> tuple[str, ...]:

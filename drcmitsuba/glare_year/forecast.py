@@ -25,7 +25,7 @@ from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.transport.mirrors.planar_mirrors import PlanarMirrors
 from drcmitsuba.transport.photons.ports import ComponentPorts
-from drcmitsuba.transport.photons.tracer import PATCH
+from drcmitsuba.transport.photons.tracer import of_patch
 
 POINTS = 1.15
 """Number of points of surfaces for each tile of the view, in furnished offices."""
@@ -61,7 +61,8 @@ def seconds(
         each = COEFFICIENT * a.replicates * (suns * (1 + CHAIN * chains) + patches)
         total += tiles * POINTS * each
         ports = len(ComponentPorts.of(world)) if world.followed else 0
-        photons = a.replicates * a.photons * (suns + PATCH * patches)
+        of_sky = patches * of_patch(a.photons, case.sky.subdivision)
+        photons = a.replicates * (a.photons * suns + of_sky)
         sets = 1 + math.ceil(tiles * POINTS * (suns + patches) / COEFFICIENTS)
         total += sets * ports * photons * SURFACES * KERNELS["photon"]
     return LEAST + len(channels) * total / machine_speed.speed().rays

@@ -30,6 +30,10 @@ from drcmitsuba.transport.replicate import Replicates
 
 SKY_CELL, SUN_CELL = 0.15, 0.06
 """Edges of the cells for photons of the sky and of a sun [m]."""
+FURTHER = 1.5
+"""Edge of the next cells that are tried, where their maps would be too large."""
+MOST_BYTES = 1 << 31
+"""Largest size of the maps of all bins and replicates, unless no cell is finer than usual."""
 SUN_PHOTONS = 32
 """Photons of the one sun of a picture, over `accuracy.photons` of each sun of a year."""
 
@@ -69,7 +73,12 @@ class Caustics:
             made = PhotonTracer.of(
                 scene, none, none, none, diameter, subdivision, finer, imaged=imaged
             )
-            return made if made is None or squares is None else replace(made, squares=squares)
+            if made is None:
+                return None
+            size_of_maps = 4 * accuracy.replicates * len(made.areas) * max(1, made.patches)
+            if size_of_maps > MOST_BYTES and size < accuracy.cell_size:
+                return tracer(FURTHER * size, photons, subdivision)
+            return made if squares is None else replace(made, squares=squares)
 
         sky = tracer(SKY_CELL, accuracy.photons, subdivision)
         sun = tracer(SUN_CELL, SUN_PHOTONS * accuracy.photons, None)
@@ -167,7 +176,7 @@ def _fitting(scene: Scene, size: float, most: float) -> float:
         try:
             CellGrid.of(scene, size)
         except InputError:
-            size *= 1.5
+            size *= FURTHER
         else:
             return size
     return most

@@ -20,6 +20,7 @@ from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.photons.ports import of_suns
+from drcmitsuba.transport.photons.starts import PhotonStarts, Rows
 from drcmitsuba.transport.photons.tracer import PhotonTracer
 from tests import radiance
 from tests.validation import lamella_room as room
@@ -112,11 +113,11 @@ def ray_rate(traced: PhotonTracer, run: int) -> float:
 
     Random rays through the room would not compare: between lamellae a ray takes thrice as long.
     """
-    (ports,) = traced.ports
-    scene, sources = ports.scene.full, of_suns(traced.suns, traced.diameter)
-    could = ports.could(sources)
-    lane = dr.arange(mi.UInt32, len(could) * traced.count)
-    start = ports.start(sources, np.arange(len(could)), could, traced.count, run, lane)
+    starts = PhotonStarts(traced.ports)
+    scene, sources = starts.scene.full, of_suns(traced.suns, traced.diameter)
+    rows = Rows.of(traced.ports, sources, np.ones(len(sources.bins), bool))
+    lane = dr.arange(mi.UInt32, len(rows) * traced.count)
+    start = starts.start(sources, rows, traced.count, np.array([run]), lane)
     p, d, active = start.p, start.d, start.flux > 0
     hits, seconds = 0, 0.0
     while True:

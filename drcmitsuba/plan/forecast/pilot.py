@@ -40,7 +40,7 @@ from drcmitsuba.transport.films.orientation import Mount
 from drcmitsuba.transport.gather.blocks import KEPT
 from drcmitsuba.transport.gather.paths import USUAL
 from drcmitsuba.transport.interreflection.cell_rays import ROUNDS
-from drcmitsuba.transport.photons.tracer import PATCH
+from drcmitsuba.transport.photons.tracer import of_patch
 from drcmitsuba.transport.rays.shadow_rays import sun_deposit
 from drcmitsuba.transport.shared_paths import SharedPaths
 
@@ -101,7 +101,8 @@ class Pilot:
             few = _among(first.few, suns)
         paths = PilotPaths.of(scene, points, normals, a, rooms) if any(bins) else PilotPaths()
         some = pilot_sensors(len(points), a, paths.bounces)
-        photons = min(a.photons, max(1, PHOTONS // (PATCH * patches + len(few.labels) + 1)))
+        each = of_patch(a.photons, case.sky.subdivision) / a.photons
+        photons = min(a.photons, max(1, round(PHOTONS / (each * patches + len(few.labels) + 1))))
         photons = photons if first is None else first.photons
         film_samples = min(a.film_sky_samples, FILM_SAMPLES)
         less = {"photons": photons, "film_sky_samples": film_samples, "replicates": REPLICATES}

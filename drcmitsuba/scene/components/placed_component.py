@@ -52,8 +52,11 @@ def is_open(case: Case, bottom: str | None) -> bool:
 
 
 def recess(points: np.ndarray) -> float:
-    """Distance of a pane from the mouth around it [m]."""
-    return max(RECESS, 4 * ray_offset(points))
+    """Distance of a pane from the mouth around it [m], in doubling steps.
+
+    So the panes of all pipes of a hall lie in few planes, in which photons look for them.
+    """
+    return float(RECESS * 2 ** np.ceil(np.log2(max(1.0, 4 * ray_offset(points) / RECESS))))
 
 
 def check_hole(source: str, placed: PlacedComponent, size: tuple[float, float, float]) -> None:

@@ -7,7 +7,9 @@ surfaces
 pane_ports
     Sides of panes on which photons start.
 ports
-    Ports of components, and the photons that start on them from suns, sky and ground.
+    Ports of components, and the suns, sky and ground that light them.
+starts
+    Photons that start on the ports of several components.
 reached
     Parts of surfaces that the sensors' paths reach.
 receivers
@@ -16,6 +18,8 @@ fluxes
     Sums of flux on these, and by fate.
 paths
     Paths of photons from surface to surface.
+launches
+    Photons of one kind of bins, launch by launch.
 light
     D of cells and sensors by photons, and the ledger of their flux.
 tracer

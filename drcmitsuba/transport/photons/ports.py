@@ -27,8 +27,11 @@ OFFSET = 1e-4
 Photons start this far before their port, so that rounding leaves a pane in its plane behind them.
 """
 GROUND = 4, 9
-"""Rows and columns of the equal parts of the ground: one source of half of all directions would
-have the photons of a single patch of the sky."""
+"""Rows and columns of the equal parts of the ground, times `shared`: one source of half of all
+directions would have the photons of a single patch of the sky."""
+FINEST = 4
+"""Largest factor MF for which patches share the photons of one of Tregenza's; beyond it each would
+have too few."""
 
 
 class PhotonSources(NamedTuple):
@@ -60,9 +63,14 @@ def of_suns(suns: np.ndarray, diameter: float) -> PhotonSources:
     )  # fmt: skip
 
 
+def shared(subdivision: int) -> int:
+    """Edge of a patch of Tregenza's sky over that of the patches that share its photons."""
+    return min(subdivision, FINEST)
+
+
 def of_sky(subdivision: int) -> PhotonSources:
     """Parts of the ground, and sky patches of Reinhart's MF."""
-    patches, parts = Patches(subdivision), _parts_of_ground()
+    patches, parts = Patches(subdivision), _parts_of_ground(shared(subdivision))
     low, high, west, east = np.concatenate([parts, patches.bounds[1:]]).T
     widest = np.where(low < 0, high, low)
     radius = np.hypot((high - low) / 2, np.cos(widest) * (east - west) / 2)
@@ -88,9 +96,9 @@ def of_sky(subdivision: int) -> PhotonSources:
     )  # fmt: skip
 
 
-def _parts_of_ground() -> np.ndarray:
+def _parts_of_ground(finer: int) -> np.ndarray:
     """Bounds of the ground's parts: low, high, west and east [rad], shape (part, 4)."""
-    rows, columns = GROUND
+    rows, columns = (finer * count for count in GROUND)
     heights = -np.arcsin(np.arange(rows + 1) / rows)
     turns = 2 * np.pi * np.arange(columns + 1) / columns
     rings = [(low, high) for high, low in pairwise(heights)]

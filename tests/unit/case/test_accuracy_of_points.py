@@ -39,6 +39,15 @@ def test_cells_fit_small_rooms(extent, size):
     assert Accuracy(cell_size=1.0).of_rooms(extent).cell_size == 1.0
 
 
+def test_many_components_share_photons():
+    """A hall of 36 light pipes took 36 times as long as one pipe."""
+    usual = Accuracy()
+    assert usual.of_components(4) == usual
+    assert usual.of_components(36).photons == round(usual.photons / 3)
+    assert usual.of_components(36).of_components(16).photons < usual.of_components(16).photons
+    assert Accuracy(photons=1024).of_components(36).photons == 1024
+
+
 def test_a_scale_model_has_cells_of_its_size(tmp_path):
     """A room of 4 by 5 by 3 m, a tenth as large."""
     room = box.room()

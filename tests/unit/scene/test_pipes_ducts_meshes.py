@@ -8,6 +8,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene import components, scene
 from drcmitsuba.scene.components.duct import concentrator
 from drcmitsuba.scene.components.lightpipe import polygon
+from drcmitsuba.scene.components.placed_component import ray_offset, recess
 from drcmitsuba.scene.geometry import normals, rotation
 from drcmitsuba.scene.sensors import placed_sensors
 from drcmitsuba.scene.structures.solid import volume
@@ -85,6 +86,15 @@ def test_panes_of_a_pipe_face_the_room_behind_their_mouths():
         pane = part(pipe, name)
         np.testing.assert_allclose(pane.quads[..., 2], z)
         np.testing.assert_allclose(normals(pane.quads), [[0, 0, -1]], atol=1e-12)
+
+
+def test_panes_of_the_pipes_of_a_hall_lie_in_few_planes():
+    """Beyond 13 m each had a plane of its own, in which all photons looked for it."""
+    places = np.linspace(1, 100, 50)
+    depths = [recess(np.array([[x, x, 3.0]])) for x in places]
+    offsets = [ray_offset(np.array([[x, x, 3.0]])) for x in places]
+    assert len(set(depths)) == 5
+    assert (np.array(depths) >= 4 * np.array(offsets)).all()
 
 
 @pytest.mark.parametrize("acceptance", [None, 30.0, 45.0])

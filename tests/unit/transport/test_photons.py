@@ -1,5 +1,7 @@
 """Photons against exact answers, and with every other kind of light against plain path tracing."""
 
+from dataclasses import replace
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -26,9 +28,10 @@ from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.cells.cells import CellGrid
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.mirrors import planar_mirrors
+from drcmitsuba.transport.photons.light import Landed
 from drcmitsuba.transport.photons.ports import of_sky
 from drcmitsuba.transport.photons.receivers import CellAreas, Squares
-from drcmitsuba.transport.photons.tracer import PhotonTracer
+from drcmitsuba.transport.photons.tracer import PhotonTracer, of_patch
 from tests import ROOT
 
 
@@ -131,7 +134,7 @@ def test_glass_film_and_mirror_duct_are_counted_once(same, plain_coefficients):
 # ---- receivers --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("subdivision", [1, 2, 3])
+@pytest.mark.parametrize("subdivision", [1, 2, 3, 6])
 def test_parts_of_the_ground_and_patches_are_drawn_within_their_bins(subdivision):
     sources, patches = of_sky(subdivision), Patches(subdivision)
     count, each = len(sources.bins), 256
@@ -253,6 +256,53 @@ def test_all_flux_is_accounted_for(name):
         assert ledger.emitted > 0
         assert fates == pytest.approx(ledger.emitted + ledger.roulette, rel=1e-6)
         assert fates == pytest.approx(ledger.emitted, rel=2e-3 if "rough" in name else 1e-3)
+
+
+def test_photons_fly_together_as_each_component_alone():
+    """One launch has the photons of all components, each of which has its own seed."""
+    block = box([-0.5, -0.5, 0], [0.5, 0.5, 0.2])
+    slope = tilted(1, 30)
+    leaf = slope[None, [0, 1, 2, 2]]
+    glass = DielectricMaterial(type="dielectric", ior=1.5)
+    parts = [
+        Surface("leaf", mirror(0.8, roughness=0.3), leaf + [3, 0, 0], "leaf"),
+        Surface("slope", mirror(0.9), slope[None] - [3, 0, 0], "slope"),
+        Surface("block", glass, block, "block"), FLOOR,
+    ]  # fmt: skip
+    ports = (
+        Port("leaf", slope[[2, 1, 0, 0]] + [3, 0, 0.01]),
+        *box_ports("slope", [-3.5, -0.5, 0.7], [-2.5, 0.5, 1.3]),
+        *box_ports("block", [-0.5, -0.5, 0], [0.5, 0.5, 0.2]),
+    )
+    scene = scenes.build(parts, ports=ports)
+    sensors = np.array([[3.0, 0, 0], [-3, 0, 0], [0, 0, -0.5]])
+    up = np.tile(Z, (3, 1))
+    together = PhotonTracer.of(
+        scene, sensors, up, STEEP, 0.5, 1, Accuracy(photons=256, cell_size=1.0), imaged=True
+    )
+    assert len(together.ports) == 3
+    every = together.traced(5)
+    alone = [
+        replace(together, ports=(one,)).traced(5 + PhotonTracer.APART * i)
+        for i, one in enumerate(together.ports)
+    ]
+    for kind in ("sky", "sun"):
+        for light in (Landed.sensors, lambda landed: landed.cells):
+            whole = getattr(light(every), kind).numpy()
+            parts_of = sum(getattr(light(one), kind).numpy().astype(float) for one in alone)
+            assert whole.sum() > 0
+            np.testing.assert_allclose(whole, parts_of, rtol=1e-5, atol=1e-9)
+        for one, ports_of in zip(alone, together.ports, strict=True):
+            name = f"{ports_of.name} {kind}"
+            assert one.ledgers[name].emitted > 0
+            assert every.ledgers[name] == one.ledgers[name]
+
+
+def test_patches_of_finer_skies_share_photons():
+    """Pictures with MF 4 took thirteen times the photons of MF 1."""
+    assert [of_patch(1024, mf) for mf in (1, 2, 4, 6)] == [4096, 1024, 256, 256]
+    usual, finer = (len(of_sky(mf).bins) * of_patch(1024, mf) for mf in (1, 4))
+    assert finer == pytest.approx(usual, rel=0.01)
 
 
 def test_light_under_way_after_the_last_surface_counts_as_lost():
