@@ -147,10 +147,10 @@ class Accuracy(Table):
         """Accuracy with fewer photons for each of many components, unless the case states them."""
         if count <= FEW_COMPONENTS or "photons" in self.model_fields_set:
             return self
-        fit = self.model_copy(
-            update={"photons": round(self.photons * math.sqrt(FEW_COMPONENTS / count))}
-        )
-        fit.model_fields_set.discard("photons")  # another case may have fewer components
+        usual = Accuracy.model_fields["photons"].default
+        photons = max(1, round(usual * math.sqrt(FEW_COMPONENTS / count)))
+        fit = self.model_copy(update={"photons": photons})
+        fit.model_fields_set.discard("photons")  # another case may have other components
         return fit
 
     @property

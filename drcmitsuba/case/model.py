@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -22,7 +23,6 @@ from drcmitsuba.model.model import (
     Layer,
     Model,
     joined,
-    numbered_panes,
     with_printable_names,
 )
 from drcmitsuba.model.unstated import without_stated
@@ -122,25 +122,37 @@ class ModelTable(Table):
             for pattern in unmet(wanted, known):
                 got = f"no surface has the material {shortened(pattern)}"
                 raise InputError(source, f"model.{field}", got, choose(pattern, known))
-        kept = [
-            self._settled(layer, own, source)
+        left = [
+            replace(layer, role="context") if fits(layer.name, self.context) else layer
             for layer in model.layers
             if not self._leaves_out(layer)
         ]
+        kept, numbered = self._named(left, own, source)
         if not kept:
             remedy = "give files with polygons or meshes"
             raise InputError(source, "model.files", "they hold no surface", remedy)
         if self.unit is None:
             ask_about_model(source, kept)
         north = model.north if self.north is None else self.north
-        layers = numbered_panes(kept)
-        pairs = zip(kept, layers, strict=True)
-        numbered = dict.fromkeys(own.name for old, own in pairs if own.name != old.name)
         notes = without_stated(model.notes, own)
         if numbered:
             names = ", ".join(numbered)
             notes += (f"Panes of another material than others of their name: {names}.",)
-        return replace(model, layers=layers, north=north, notes=notes)
+        return replace(model, layers=kept, north=north, notes=notes)
+
+    def _named(
+        self, layers: list[Layer], own: Mapping[str, SurfaceMaterial], source: str
+    ) -> tuple[tuple[Layer, ...], tuple[str, ...]]:
+        """Settled layers, whose panes differ in name where they do in material, and the new names.
+
+        The case may name a material by the new name; that of the first name replaces all others.
+        """
+        settled, numbered = [], dict[str, None]()
+        for layer, named in zip(layers, _numbered(layers), strict=True):
+            is_new = named.name != layer.name and (named.name in own or layer.name not in own)
+            numbered |= {named.name: None} if is_new else {}
+            settled.append(self._settled(named if is_new else layer, own, source))
+        return tuple(settled), tuple(numbered)
 
     def _leaves_out(self, layer: Layer) -> bool:
         """Whether the materials of all sides of a layer are named to be left out."""
@@ -175,6 +187,22 @@ class ModelTable(Table):
         if fits(layer.name, self.context):
             return replace(layer, role="context")
         return layer
+
+
+def _numbered(layers: Sequence[Layer]) -> tuple[Layer, ...]:
+    """Layers whose panes differ in name where they do in material: further ones are numbered."""
+    taken, names = {layer.name for layer in layers}, dict[str, dict[str, str]]()
+    out = []
+    for layer in layers:
+        if layer.role == "pane":
+            own, material = layer.name, repr(layer.material)
+            known = names.setdefault(own, {})
+            if known and material not in known:
+                own = next(n for k in count(2) if (n := f"{layer.name} ({k})") not in taken)
+                taken.add(own)
+            layer = replace(layer, name=known.setdefault(material, own))
+        out.append(layer)
+    return tuple(out)
 
 
 def _numbers_of(model: Model, names: Mapping[str, str], source: str) -> dict[str, int]:

@@ -163,7 +163,7 @@ def with_files(case: Case) -> Case:
 
 def fitted(accuracy: Accuracy, case: Case) -> Accuracy:
     """Accuracy whose cells fit the rooms of a case, and whose photons its number of components."""
-    fit = accuracy.of_components(len(case.components))
+    fit = accuracy.of_components(len({*case.standing}))
     return fit if case.extent is None else fit.of_rooms(case.extent)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import count
 from typing import Any, Literal
 
 import numpy as np
@@ -216,22 +215,6 @@ def numbered_views(views: Iterable[View]) -> tuple[View, ...]:
         for name, alike in named.items()
         for k, view in enumerate(alike)
     )
-
-
-def numbered_panes(layers: Sequence[Layer]) -> tuple[Layer, ...]:
-    """Layers whose panes differ in name where they do in material: further ones are numbered."""
-    taken, names = {layer.name for layer in layers}, dict[str, dict[str, str]]()
-    out = []
-    for layer in layers:
-        if layer.role == "pane":
-            own, material = layer.name, repr(layer.material)
-            known = names.setdefault(own, {})
-            if known and material not in known:
-                own = next(n for k in count(2) if (n := f"{layer.name} ({k})") not in taken)
-                taken.add(own)
-            layer = replace(layer, name=known.setdefault(material, own))
-        out.append(layer)
-    return tuple(out)
 
 
 @dataclass(frozen=True)

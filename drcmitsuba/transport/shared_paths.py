@@ -19,7 +19,7 @@ from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.transport.interreflection.interior import SharedInterior
 from drcmitsuba.transport.photons.changing_panes import ChangingPanes
 from drcmitsuba.transport.photons.light import CommonLight, Landed
-from drcmitsuba.transport.photons.tracer import PATCH, PhotonTracer
+from drcmitsuba.transport.photons.tracer import PhotonTracer
 
 KEPT = 1 << 29
 """Largest size of the light that is kept for further states, and of its sums [bytes]."""
@@ -61,8 +61,8 @@ class SharedPhotons:
         self, tracer: PhotonTracer, seeds: Sequence[int], ends: Sequence[Progress]
     ) -> list[Landed]:
         """Follow all photons, and keep what other states share."""
-        world, most = tracer.ports[0].scene, max(PATCH * tracer.patches, len(tracer.suns))
-        numbered = tracer.count * most < 1 << 32  # in 32 bits
+        world = tracer.ports[0].scene
+        numbered = tracer.most_photons < 1 << 32  # in 32 bits
         # Colours follow one another in each state: none would find its own photons.
         if tracer.nbytes <= KEPT and numbered and world.channel < 0:
             tracer = replace(tracer, panes=ChangingPanes.of(world))

@@ -12,7 +12,6 @@ import time
 from dataclasses import replace
 
 import numpy as np
-from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.annual.result import Result, evaluate_within
 from drcmitsuba.annual.tradeoff.reference import (
@@ -32,8 +31,7 @@ from drcmitsuba.scene.components import place
 from drcmitsuba.sky.daylight import Daylight, daylight
 
 REPLICATES, SAMPLES = 2, 4
-"""Number of replicates in a round, and factor of the samples of each but photons, whose number a
-finer sky and many rounds raise."""
+"""Number of replicates in a round, and factor of the samples of each, photons included."""
 MOST_PHOTONS = 64
 """Largest factor of the photons from the sky in all rounds; there are four rounds or more."""
 SUBDIVISION = 2
@@ -89,7 +87,7 @@ def sample_reference(case: Case, times: np.ndarray, until: float) -> Reference:
 def _photons(case: Case, rounds: int) -> float:
     """Photons from the sky in so many rounds, over those of the default setting."""
     replicates = default(case).accuracy.replicates
-    return rounds * REPLICATES / replicates * len(Patches(SUBDIVISION)) / len(Patches(1))
+    return SAMPLES * rounds * REPLICATES / replicates
 
 
 def _finer(case: Case, number: int) -> Case:
@@ -98,6 +96,7 @@ def _finer(case: Case, number: int) -> Case:
     own = {
         "replicates": REPLICATES,
         "cell_size": min(CELLS, 2 / 3 * base.accuracy.cell_size),
+        "photons": SAMPLES * base.accuracy.photons,
         "seed": (base.accuracy.seed + SEEDS * (number + 1)) % MOST_SEED,
     }
     return base.with_tables(

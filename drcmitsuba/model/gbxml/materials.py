@@ -3,28 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import chain, count
+from typing import NamedTuple
 
 from drcmitsuba.model.gbxml.entries import GbxmlEntry
-from drcmitsuba.model.unstated import GLASS
 
 
-def window_types(root: GbxmlEntry) -> Mapping[str, tuple[str, float | None]]:
-    """Name and visible transmittance of every window type, by its identifier; None where unstated.
+class WindowType(NamedTuple):
+    """Kind of windows. Several may share a name: identifiers alone are those of one."""
 
-    Types of one name and another transmittance are numbered: names are free, identifiers are not.
+    name: str
+    transmittance: float | None
+    """Visible transmittance at normal incidence [–]; None where it is not stated."""
+
+
+def window_types(root: GbxmlEntry) -> Mapping[str, WindowType]:
+    """Window types by their identifiers.
 
     Raises
     ------
     InputError
         A transmittance is no number from 0 to 1.
     """
-    types, known = {}, dict[str, float | None]({GLASS: None})
+    types = {}
     for entry in root.children("WindowType"):
-        own, transmittance = entry.text("Name") or entry.attribute("id"), _visible(entry)
-        names = chain([own], (f"{own} ({k})" for k in count(2)))
-        name = next(n for n in names if known.setdefault(n, transmittance) == transmittance)
-        types[entry.attribute("id")] = name, transmittance
+        name = entry.text("Name") or entry.attribute("id")
+        types[entry.attribute("id")] = WindowType(name, _visible(entry))
     return types
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from drcmitsuba.model.gbxml.entries import GbxmlEntry
 from drcmitsuba.model.gbxml.gaps import LEAST as LEAST_GAP
 from drcmitsuba.model.gbxml.gaps import gaps_of
+from drcmitsuba.model.gbxml.materials import WindowType
 from drcmitsuba.model.gbxml.spaces import is_ceiling, is_floor
 from drcmitsuba.model.materials import GlazingMaterial, two_sided
 from drcmitsuba.model.model import Layer, Role
@@ -60,8 +61,8 @@ class OneSided(NamedTuple):
 class GbxmlSurfaces:
     """Polygons of a file by their materials, and around each space."""
 
-    windows: Mapping[str, tuple[str, float | None]]
-    """Name and visible transmittance of every window type by its identifier."""
+    windows: Mapping[str, WindowType]
+    """Window types by their identifiers."""
     spaces: frozenset[str]
     """Identifiers of the spaces."""
     metres: float
@@ -74,9 +75,9 @@ class GbxmlSurfaces:
     """Places and polygons by the names of their front and back."""
     alone: list[OneSided] = field(default_factory=list)
     """Polygons of surfaces that name one space."""
-    panes: dict[str, list[tuple[str, Rings]]] = field(default_factory=dict)
-    """Places and polygons of windows by the names of their glass."""
-    glass: dict[str, GlazingMaterial] = field(default_factory=dict)
+    panes: dict[WindowType, list[tuple[str, Rings]]] = field(default_factory=dict)
+    """Places and polygons of windows by their types."""
+    glass: dict[WindowType, GlazingMaterial] = field(default_factory=dict)
 
     def add(self, surface: GbxmlEntry) -> None:
         """Add a surface, whose polygon faces out of its first space.
@@ -131,9 +132,9 @@ class GbxmlSurfaces:
                 continue
             rest = rest.difference(inside)
             if opening.attribute("openingType") != OPEN:
-                name = self._glass(opening)
+                kind = self._type(opening)
                 mine = [(opening.place, own) for own in plane.rings(inside, LEAST)]
-                self.panes.setdefault(name, []).extend(mine)
+                self.panes.setdefault(kind, []).extend(mine)
         return plane.rings(rest, LEAST)
 
     def _is_wall(self, opening: GbxmlEntry) -> bool:
@@ -141,16 +142,16 @@ class GbxmlSurfaces:
         is_door = opening.attribute("openingType") in DOORS
         return is_door and not opening.attribute("windowTypeIdRef")
 
-    def _glass(self, opening: GbxmlEntry) -> str:
-        """Name of the glass of an opening."""
+    def _type(self, opening: GbxmlEntry) -> WindowType:
+        """Window type of an opening, of which the glass is known then."""
         kind = opening.attribute("windowTypeIdRef")
         if kind and kind not in self.windows:
             got = f"{kind!r}, which the file lacks"
             raise opening.refuse("windowTypeIdRef", got, "name a WindowType of the file")
-        name, transmittance = self.windows[kind] if kind else (GLASS, None)
-        if name not in self.glass:
-            self.glass[name] = glass(transmittance, name, self.notes)
-        return name
+        of = self.windows[kind] if kind else WindowType(GLASS, None)
+        if of not in self.glass:
+            self.glass[of] = glass(of.transmittance, of.name, self.notes)
+        return of
 
     def close(self, spaces: Sequence[GbxmlEntry]) -> None:
         """Close the gaps of spaces by surfaces, which have the same on both sides; notes them."""
@@ -194,14 +195,14 @@ class GbxmlSurfaces:
 
     def _uncover_panes(self) -> None:
         """Leave out parts of panes that lie on panes or surfaces of other spaces."""
-        panes = [(name, *pane) for name, pieces in self.panes.items() for pane in pieces]
+        panes = [(kind, *pane) for kind, pieces in self.panes.items() for pane in pieces]
         walls = [rings for names, own in self.sorts.items() if names != SHADES for _, rings in own]
         parts = single_panes([rings for _, _, rings in panes], walls, TOUCHING)
-        self.panes = {name: [] for name in self.panes}
-        for (name, place, rings), left in zip(panes, parts, strict=True):
+        self.panes = {kind: [] for kind in self.panes}
+        for (kind, place, rings), left in zip(panes, parts, strict=True):
             if len(left) != 1 or left[0] is not rings:
                 self.notes.add(COVERED, place)
-            self.panes[name] += [(place, own) for own in left]
+            self.panes[kind] += [(place, own) for own in left]
 
     def _uncover_shades(self) -> None:
         """Leave out parts of shades that lie on surfaces of spaces, whose rooms would see them."""
@@ -228,10 +229,10 @@ class GbxmlSurfaces:
             role: Role = "context" if (front, back) == SHADES else "surface"
             behind = back if back != front else ""
             yield Layer(front, material, role, quads, polygon, places, behind=behind)
-        for name, pieces in self.panes.items():
+        for kind, pieces in self.panes.items():
             quads, polygon, places = self._quads(pieces)
             if len(quads):
-                yield Layer(name, self.glass[name], "pane", quads, polygon, places)
+                yield Layer(kind.name, self.glass[kind], "pane", quads, polygon, places)
 
     def _quads(
         self, pieces: Sequence[tuple[str, Rings]]

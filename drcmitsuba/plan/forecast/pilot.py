@@ -40,7 +40,8 @@ from drcmitsuba.transport.films.orientation import Mount
 from drcmitsuba.transport.gather.blocks import KEPT
 from drcmitsuba.transport.gather.paths import USUAL
 from drcmitsuba.transport.interreflection.cell_rays import ROUNDS
-from drcmitsuba.transport.photons.tracer import of_patch
+from drcmitsuba.transport.photons.ports import patch_ratio
+from drcmitsuba.transport.photons.tracer import PATCH
 from drcmitsuba.transport.rays.shadow_rays import sun_deposit
 from drcmitsuba.transport.shared_paths import SharedPaths
 
@@ -101,8 +102,7 @@ class Pilot:
             few = _among(first.few, suns)
         paths = PilotPaths.of(scene, points, normals, a, rooms) if any(bins) else PilotPaths()
         some = pilot_sensors(len(points), a, paths.bounces)
-        each = of_patch(a.photons, case.sky.subdivision) / a.photons
-        photons = min(a.photons, max(1, round(PHOTONS / (each * patches + len(few.labels) + 1))))
+        photons = few_photons(a.photons, case.sky.subdivision, patches, len(few.labels))
         photons = photons if first is None else first.photons
         film_samples = min(a.film_sky_samples, FILM_SAMPLES)
         less = {"photons": photons, "film_sky_samples": film_samples, "replicates": REPLICATES}
@@ -243,6 +243,16 @@ class Pilot:
             seed=launch_seed(self.accuracy.seed, Stream.SUN_RIMS),
         )  # fmt: skip
         return np.asarray(D.numpy() / disk_solid_angle(self.suns.diameter))
+
+
+def few_photons(photons: int, subdivision: int, patches: int, suns: int) -> int:
+    """Number of photons of a sun in a pilot of some patches and suns, at most `photons`.
+
+    It is a multiple of what patches of a finer sky divide evenly, so that their number scales, too.
+    """
+    step = patch_ratio(subdivision) ** 2
+    least = PHOTONS / (PATCH * patches / step + suns + 1)
+    return min(photons, step * max(1, round(least / step)))
 
 
 def _among(few: Suns, suns: Suns) -> Suns:

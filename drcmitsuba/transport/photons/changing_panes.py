@@ -65,9 +65,9 @@ class ChangingPanes:
         mesh = quad_mesh("panes", self.quads)
         return mitsuba_scene({"panes": mesh})
 
-    def passed(self, p: mi.Point3f, d: mi.Vector3f) -> mi.Bool:
-        """Whether rays from points along directions pass a pane."""
-        return self._scene.ray_test(mi.Ray3f(p, d), coherent=False)
+    def passed(self, p: mi.Point3f, d: mi.Vector3f, active: mi.Bool) -> mi.Bool:
+        """Whether active rays from points along directions pass a pane."""
+        return self._scene.ray_test(mi.Ray3f(p, d), coherent=False, active=active)
 
 
 def _is_pane(part: ScenePart) -> bool:

@@ -81,8 +81,8 @@ class PhotonLaunches:
         with starts.scene.ray_counter.purpose(*self._purpose):
             for share, here, lane in self._launches(rows, some if is_named else None):
                 start = starts.start(kind.sources, here, kind.photons, self.seeds, lane)
-                followed = self._follow(start, here, lane, squares, sums)
-                met += self._numbers(start, here, lane, *followed) if listed else []
+                followed = self._follow(start, squares, sums)
+                met += self._numbers(start, lane, *followed) if listed else []
                 progress(share)
         component, number = np.concatenate(met, axis=1)
         return {name: number[component == c] for c, name in enumerate(starts.names)}
@@ -113,7 +113,7 @@ class PhotonLaunches:
             return
         place = np.zeros((len(self.starts.names), len(self.kind.sources.bins)), int)
         place[rows.component, rows.source] = np.arange(len(rows))
-        named = [(c, some[name]) for c, name in enumerate(self.starts.names) if name in some]
+        named = [(c, some[name]) for c, name in enumerate(self.starts.names)]
         row = np.concatenate([place[c][photons // count] for c, photons in named])
         index = np.concatenate([photons % count for _, photons in named])
         for first in range(0, len(row), PHOTONS):
@@ -122,9 +122,7 @@ class PhotonLaunches:
             lanes = flat_indices(at * count + index[mine])
             yield min(1.0, (first + PHOTONS) / len(row)), rows.some(used), lanes
 
-    def _follow(
-        self, start: Start, rows: Rows, lane: mi.UInt32, squares: Recorder, sums: FluxSums
-    ) -> tuple[mi.UInt32, mi.Bool]:
+    def _follow(self, start: Start, squares: Recorder, sums: FluxSums) -> tuple[mi.UInt32, mi.Bool]:
         """Follow photons and add their flux; those with any, and whether each met a pane."""
         kind, starts = self.kind, self.starts
         dr.eval(*start)
@@ -134,9 +132,8 @@ class PhotonLaunches:
         some = Start(*(dr.gather(type(x), x, lanes) for x in start))
         # Mitsuba's sampler is three times slower in a loop than the generator behind it.
         number = dr.gather(mi.UInt32, mi.UInt32(kind.sources.numbers), some.source)
-        index = starts.index(rows, dr.gather(mi.UInt32, lane, lanes), kind.photons)
         seeds = (starts.seed(self.seeds + apart, some.component) for apart in (0, SCATTER))
-        random = (streams(number, seed, index) for seed in seeds)
+        random = (streams(number, seed, some.index) for seed in seeds)
         self.areas.grid.prepare()
         sizes = len(kind.wanted), self.surfaces
         by_pane = follow(
@@ -151,7 +148,7 @@ class PhotonLaunches:
         return Traits.of(self.starts, self.imaged)
 
     def _numbers(
-        self, start: Start, rows: Rows, lane: mi.UInt32, followed: mi.UInt32, by_pane: mi.Bool
+        self, start: Start, lane: mi.UInt32, followed: mi.UInt32, by_pane: mi.Bool
     ) -> Iterator[np.ndarray]:
         """Yield components and numbers of photons that met a pane, or to which panes stop light."""
         count = dr.opaque(mi.UInt32, self.kind.photons)

@@ -156,12 +156,12 @@ class CommonLight:
     light: PhotonLight
     """D of these photons [sr]."""
     met: Mapping[str, np.ndarray]
-    """Photons that met a pane, by the name of their ports: bin · count + index, uint32, shape
+    """Photons that met a pane, by the name of their ports: source · count + index, uint32, shape
     (photon,)."""
     fates: Mapping[str, np.ndarray]
     """`FATES` and `COUNTS` of all others, by the name of their ports, shape (fate, bin)."""
     count: int
-    """Number of photons of a bin."""
+    """Number of photons of a source."""
 
     @property
     def nbytes(self) -> int:
@@ -170,7 +170,7 @@ class CommonLight:
         return lit + sum(photons.nbytes for photons in self.met.values())
 
     def of_bins(self, bins: np.ndarray) -> CommonLight:
-        """Take the photons of some bins."""
+        """Take the photons of some suns, which are sources with a bin each."""
         place = np.full(self.light.cells[0].shape[1], -1)
         place[bins] = np.arange(len(bins))
         met = {}

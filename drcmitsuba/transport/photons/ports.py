@@ -27,7 +27,7 @@ OFFSET = 1e-4
 Photons start this far before their port, so that rounding leaves a pane in its plane behind them.
 """
 GROUND = 4, 9
-"""Rows and columns of the equal parts of the ground, times `shared`: one source of half of all
+"""Rows and columns of the equal parts of the ground, times `patch_ratio`: one source of half of all
 directions would have the photons of a single patch of the sky."""
 FINEST = 4
 """Largest factor MF for which patches share the photons of one of Tregenza's; beyond it each would
@@ -63,14 +63,14 @@ def of_suns(suns: np.ndarray, diameter: float) -> PhotonSources:
     )  # fmt: skip
 
 
-def shared(subdivision: int) -> int:
+def patch_ratio(subdivision: int) -> int:
     """Edge of a patch of Tregenza's sky over that of the patches that share its photons."""
     return min(subdivision, FINEST)
 
 
 def of_sky(subdivision: int) -> PhotonSources:
     """Parts of the ground, and sky patches of Reinhart's MF."""
-    patches, parts = Patches(subdivision), _parts_of_ground(shared(subdivision))
+    patches, parts = Patches(subdivision), _parts_of_ground(patch_ratio(subdivision))
     low, high, west, east = np.concatenate([parts, patches.bounds[1:]]).T
     widest = np.where(low < 0, high, low)
     radius = np.hypot((high - low) / 2, np.cos(widest) * (east - west) / 2)

@@ -37,6 +37,8 @@ class Start(NamedTuple):
     """Flux per unit radiance of the source [m² sr]."""
     source: mi.UInt32
     bin: mi.UInt32
+    index: mi.UInt32
+    """Number among the photons of the source to the component."""
     component: mi.UInt32
     """Number among the components of the launch."""
     by_pane: mi.Bool
@@ -178,7 +180,7 @@ class PhotonStarts:
             Where panes may change, light from the ports of panes counts as having passed one.
         """
         each = dr.opaque(mi.UInt32, photons)
-        place, index = lane // each, self.index(rows, lane, photons)
+        place, index = lane // each, self._index(rows, lane, photons)
         source, component = (
             dr.gather(mi.UInt32, flat_indices(column), place)
             for column in (rows.source, rows.component)
@@ -208,7 +210,7 @@ class PhotonStarts:
         bins = dr.gather(mi.UInt32, flat_indices(sources.bins), source)
         by_pane = self._by_pane(p, d, component)
         seen_flux = self._visible(p, d, dr.select(chance > 0, flux, 0), component)
-        return Start(p, -d, seen_flux, source, bins, component, by_pane)
+        return Start(p, -d, seen_flux, source, bins, index, component, by_pane)
 
     def seed(self, seeds: np.ndarray, component: mi.UInt32) -> mi.UInt32:
         """Seed of the photons of components, of the `seeds` (component,)."""
@@ -224,10 +226,10 @@ class PhotonStarts:
         if any(behind):
             here = self._has(behind, component)
             self.scene.ray_counter.add("shadow", here, lanes)
-            by_pane |= here & panes.passed(p, d)
+            by_pane |= panes.passed(p, d, here)
         return by_pane
 
-    def index(self, rows: Rows, lane: mi.UInt32, photons: int) -> mi.UInt32:
+    def _index(self, rows: Rows, lane: mi.UInt32, photons: int) -> mi.UInt32:
         """Index of the photon of a lane among the `photons` of its row.
 
         Photons that start side by side, at heights that follow one another, have similar ways: they

@@ -40,12 +40,7 @@ from drcmitsuba.transport.photons.launches import PhotonKind, PhotonLaunches
 from drcmitsuba.transport.photons.light import CommonLight, FluxLedger, Landed, PhotonLight
 from drcmitsuba.transport.photons.pane_ports import pane_sides
 from drcmitsuba.transport.photons.paths import Recorder
-from drcmitsuba.transport.photons.ports import (
-    ComponentPorts,
-    of_sky,
-    of_suns,
-    shared,
-)
+from drcmitsuba.transport.photons.ports import ComponentPorts, of_sky, of_suns, patch_ratio
 from drcmitsuba.transport.photons.reached import ReachedSurfaces
 from drcmitsuba.transport.photons.receivers import CellAreas, Squares
 from drcmitsuba.transport.photons.starts import PhotonStarts
@@ -127,6 +122,13 @@ class PhotonTracer:
         rows = len(self.areas) + 3 * len(self.squares.edge)
         return 16 * rows * max(self.patches, len(self.suns))
 
+    @property
+    def most_photons(self) -> int:
+        """Number of photons of all components by the sky or by suns, whichever are more."""
+        sources = len(of_sky(self.subdivision).bins) if self.subdivision else 0
+        of_kinds = sources * of_patch(self.count, self.subdivision), len(self.suns) * self.count
+        return len(self.ports) * max(of_kinds)
+
     def traced(
         self, seed: int, progress: Progress = lambda share: None,
         known: tuple[CommonLight, CommonLight] | None = None,
@@ -202,7 +204,7 @@ class PhotonTracer:
 
 def of_patch(photons: int, subdivision: int | None) -> int:
     """Number of photons of a sky patch, and of a part of the ground, for so many of a sun."""
-    return max(1, PATCH * photons // shared(subdivision or 1) ** 2)
+    return max(1, PATCH * photons // patch_ratio(subdivision or 1) ** 2)
 
 
 class _OfKind(NamedTuple):

@@ -8,6 +8,7 @@ import sys
 import drjit as dr
 import numpy as np
 import pytest
+from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba import evaluate, load_case
 from drcmitsuba.annual.run import Run
@@ -19,6 +20,7 @@ from drcmitsuba.plan import plan
 from drcmitsuba.plan.forecast import cost as cost_of
 from drcmitsuba.plan.forecast import forecast, is_short, work
 from drcmitsuba.plan.forecast.cost import KERNELS
+from drcmitsuba.plan.forecast.pilot import few_photons
 from drcmitsuba.plan.forecast.pilot_paths import REPLICATES, PilotPaths
 from drcmitsuba.plan.forecast.summed import is_summed, states_of_year
 from drcmitsuba.runtime import backend
@@ -28,6 +30,7 @@ from drcmitsuba.scene.prepared_case import PreparedCase, prepared
 from drcmitsuba.scene.scene import load
 from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.transport import coefficients as transport
+from drcmitsuba.transport.photons.tracer import of_patch
 from tests import ROOT
 from tests.fast import slowly
 
@@ -407,3 +410,13 @@ def test_sensors_gather_from_the_cells_of_their_own_rooms(monkeypatch):
     two = forecast(here)
     assert two.items["deposit"] > 1.5 * alone.items["deposit"]  # both see the one room
     assert two.items["product"] == pytest.approx(alone.items["product"], rel=0.2)
+
+
+@pytest.mark.parametrize("subdivision", [1, 2, 3, 4, 6])
+@pytest.mark.parametrize("photons", [1024, 341, 256])
+def test_photons_of_a_pilot_scale_for_suns_and_patches(subdivision, photons):
+    """Those of patches of MF 6 were 27 % too few in the forecast."""
+    few = few_photons(photons, subdivision, len(Patches(subdivision)), 128)
+    ratio = of_patch(photons, subdivision) / of_patch(few, subdivision)
+    assert ratio == pytest.approx(photons / few, rel=0.02)
+    assert few <= photons

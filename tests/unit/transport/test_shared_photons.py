@@ -108,6 +108,28 @@ def test_light_of_the_second_state_is_that_of_the_state_alone(states, place, tur
     assert sum(one.cells.numpy().sum() for one in alone) > 0
 
 
+@pytest.mark.parametrize("suns", [DIRECTIONS[[2, 0]], DIRECTIONS[:0]], ids=["suns", "no suns"])
+def test_photons_of_several_components_are_shared(states, tmp_path, suns):
+    mesh = {"type": "mesh", "file": str(tmp_path / "mirror.obj"), "material": "silver"}
+    places = {"a": BEHIND, "b": BEFORE, "c": ASIDE}
+    more = {name: mesh | {"position": place} for name, place in places.items()}
+    (first, second), points = states(BEHIND, components=more)
+    shared = SharedPhotons()
+    shared.traced(tracer(first, points), SEEDS)
+    together = shared.traced(tracer(second, points, suns), SEEDS)
+    alone = [tracer(second, points, suns).traced(seed) for seed in SEEDS]
+    assert {f"{name} sky" for name in places} < together[0].ledgers.keys()
+    for one, other in zip(together, alone, strict=True):
+        np.testing.assert_allclose(one.cells.numpy(), other.cells.numpy(), rtol=1e-5, atol=1e-9)
+        np.testing.assert_allclose(
+            one.sensors().numpy(), other.sensors().numpy(), rtol=1e-5, atol=1e-9
+        )
+        for name, ledger in one.ledgers.items():
+            assert ledger.emitted == pytest.approx(other.ledgers[name].emitted, rel=1e-6), name
+            assert ledger.landed == pytest.approx(other.ledgers[name].landed, rel=1e-6), name
+    assert followed(second) > 0
+
+
 def followed(world):
     return world.ray_counter.counted()["photon"]
 
