@@ -24,7 +24,7 @@ from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.transport.mirrors.planar_mirrors import PlanarMirrors
-from drcmitsuba.transport.photons.ports import ComponentPorts
+from drcmitsuba.transport.photons.ports import ComponentPorts, of_sky
 from drcmitsuba.transport.photons.tracer import of_patch
 
 POINTS = 1.15
@@ -61,8 +61,9 @@ def seconds(
         each = COEFFICIENT * a.replicates * (suns * (1 + CHAIN * chains) + patches)
         total += tiles * POINTS * each
         ports = len(ComponentPorts.of(world)) if world.followed else 0
-        of_sky = patches * of_patch(a.photons, case.sky.subdivision)
-        photons = a.replicates * (a.photons * suns + of_sky)
+        subdivision = case.sky.subdivision
+        by_sky = len(of_sky(subdivision).bins) * of_patch(a.photons, subdivision)
+        photons = a.replicates * (a.photons * suns + by_sky * (patches > 0))
         sets = 1 + math.ceil(tiles * POINTS * (suns + patches) / COEFFICIENTS)
         total += sets * ports * photons * SURFACES * KERNELS["photon"]
     return LEAST + len(channels) * total / machine_speed.speed().rays

@@ -31,7 +31,7 @@ from drcmitsuba.scene.components import place
 from drcmitsuba.sky.daylight import Daylight, daylight
 
 REPLICATES, SAMPLES = 2, 4
-"""Number of replicates in a round, and factor of the samples of each, photons included."""
+"""Number of replicates in a round, and factor of the samples of each."""
 MOST_PHOTONS = 64
 """Largest factor of the photons from the sky in all rounds; there are four rounds or more."""
 SUBDIVISION = 2
@@ -96,7 +96,6 @@ def _finer(case: Case, number: int) -> Case:
     own = {
         "replicates": REPLICATES,
         "cell_size": min(CELLS, 2 / 3 * base.accuracy.cell_size),
-        "photons": SAMPLES * base.accuracy.photons,
         "seed": (base.accuracy.seed + SEEDS * (number + 1)) % MOST_SEED,
     }
     return base.with_tables(

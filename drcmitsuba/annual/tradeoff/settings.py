@@ -23,7 +23,7 @@ from drcmitsuba.scene.materials import film
 
 RAYS = (
     "paths", "cell_paths", "cell_sky_rays", "sensor_sky_rays", "sensor_sun_samples",
-    "pane_points", "film_sky_samples",
+    "pane_points", "film_sky_samples", "photons",
 )  # fmt: skip
 """Numbers of samples in [accuracy] that share one factor."""
 

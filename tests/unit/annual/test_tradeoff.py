@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 from drcmitsuba_plugins.tensor import TensorTree
 
-from drcmitsuba.annual.tradeoff import Row, Tradeoff, tradeoff
+from drcmitsuba.annual.tradeoff import Row, Tradeoff, finer_samples, tradeoff
 from drcmitsuba.annual.tradeoff.errors import (
     Errors,
     Estimate,
@@ -42,6 +42,8 @@ from drcmitsuba.case.reading import load_case
 from drcmitsuba.runtime import backend, process
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.materials import film
+from drcmitsuba.transport.photons.ports import of_sky
+from drcmitsuba.transport.photons.tracer import of_patch
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -457,3 +459,17 @@ def test_what_is_wrong_with_the_input_comes_back():
 def test_no_time_is_refused(minutes):
     with pytest.raises(InputError, match="minutes"):
         tradeoff(room(), minutes=minutes)
+
+
+@pytest.mark.parametrize("rounds", [4, 48])
+def test_a_reference_by_samples_tells_how_many_photons_it_has(rounds):
+    """Where patches of finer skies share photons, it told four times as many."""
+    case = load_case("lightpipe/lightpipe")
+
+    def by_sky(one):
+        a, subdivision = one.accuracy, one.sky.subdivision
+        each = of_patch(a.photons, subdivision)
+        return a.replicates * each * len(of_sky(subdivision).bins)
+
+    sent = rounds * by_sky(finer_samples._finer(case, 0)) / by_sky(finer_samples.default(case))
+    assert finer_samples._photons(case, rounds) == pytest.approx(sent, rel=0.01)
