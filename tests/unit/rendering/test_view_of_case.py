@@ -30,7 +30,7 @@ def test_times_of_text_numpy_pandas_and_python_are_one(when):
 
 
 @pytest.mark.parametrize("when", [
-    "noon", "02-30 12:00", None, 12, pd.NaT, np.datetime64("NaT"),
+    "noon", "02-30 12:00", None, 12, pd.NaT, np.datetime64("NaT", "ns"),
     datetime(2015, 3, 20, 12, tzinfo=UTC), pd.date_range("2015-03-20 12:00", periods=2),
 ])  # fmt: skip
 def test_what_is_no_local_standard_time_is_refused(when):
