@@ -145,10 +145,11 @@ class Accuracy(Table):
 
     def of_components(self, count: int) -> Accuracy:
         """Accuracy with fewer photons for each of many components, unless the case states them."""
-        if count <= FEW_COMPONENTS or "photons" in self.model_fields_set:
-            return self
         usual = Accuracy.model_fields["photons"].default
-        photons = max(1, round(usual * math.sqrt(FEW_COMPONENTS / count)))
+        share = math.sqrt(FEW_COMPONENTS / max(FEW_COMPONENTS, count))
+        photons = max(1, round(usual * share))
+        if "photons" in self.model_fields_set or photons == self.photons:
+            return self
         fit = self.model_copy(update={"photons": photons})
         fit.model_fields_set.discard("photons")  # another case may have other components
         return fit

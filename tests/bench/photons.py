@@ -20,7 +20,7 @@ from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.photons.ports import of_suns
-from drcmitsuba.transport.photons.starts import PhotonStarts, Rows
+from drcmitsuba.transport.photons.starts import PhotonRows, PhotonStarts
 from drcmitsuba.transport.photons.tracer import PhotonTracer
 from tests import radiance
 from tests.validation import lamella_room as room
@@ -115,7 +115,7 @@ def ray_rate(traced: PhotonTracer, run: int) -> float:
     """
     starts = PhotonStarts(traced.ports)
     scene, sources = starts.scene.full, of_suns(traced.suns, traced.diameter)
-    rows = Rows.of(traced.ports, sources, np.ones(len(sources.bins), bool))
+    rows = PhotonRows.of(traced.ports, sources, np.ones(len(sources.bins), bool))
     lane = dr.arange(mi.UInt32, len(rows) * traced.count)
     start = starts.start(sources, rows, traced.count, np.array([run]), lane)
     p, d, active = start.p, start.d, start.flux > 0

@@ -148,10 +148,10 @@ class GbxmlSurfaces:
         if kind and kind not in self.windows:
             got = f"{kind!r}, which the file lacks"
             raise opening.refuse("windowTypeIdRef", got, "name a WindowType of the file")
-        of = self.windows[kind] if kind else WindowType(GLASS, None)
-        if of not in self.glass:
-            self.glass[of] = glass(of.transmittance, of.name, self.notes)
-        return of
+        window = self.windows[kind] if kind else WindowType(GLASS, None)
+        if window not in self.glass:
+            self.glass[window] = glass(window.transmittance, window.name, self.notes)
+        return window
 
     def close(self, spaces: Sequence[GbxmlEntry]) -> None:
         """Close the gaps of spaces by surfaces, which have the same on both sides; notes them."""

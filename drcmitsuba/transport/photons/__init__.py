@@ -18,8 +18,6 @@ fluxes
     Sums of flux on these, and by fate.
 paths
     Paths of photons from surface to surface.
-launches
-    Photons of one kind of bins, launch by launch.
 light
     D of cells and sensors by photons, and the ledger of their flux.
 tracer

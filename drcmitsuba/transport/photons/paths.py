@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import drjit as dr
@@ -20,12 +21,13 @@ from drcmitsuba.model.materials import (
 )
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene.materials import is_diffuse
-from drcmitsuba.scene.scene import ScenePart
+from drcmitsuba.scene.scene import Scene, ScenePart
 from drcmitsuba.transport.mirrors.mirror_planes import MOST_IN_TURN
 from drcmitsuba.transport.mirrors.planar_mirrors import PlanarMirrors
+from drcmitsuba.transport.photons.changing_panes import ChangingPanes
 from drcmitsuba.transport.photons.fluxes import COUNTS, FATES, FluxSums
+from drcmitsuba.transport.photons.ports import Start
 from drcmitsuba.transport.photons.receivers import CellAreas, Squares
-from drcmitsuba.transport.photons.starts import PhotonStarts, Start
 from drcmitsuba.transport.photons.surfaces import Passed, PhotonScene
 from drcmitsuba.transport.rays.bsdf_lookup import (
     absorption,
@@ -68,10 +70,12 @@ class Traits:
     Light that these mirrors put on diffusing panes is left to the exact directions."""
 
     @classmethod
-    def of(cls, starts: PhotonStarts, imaged: bool) -> Traits:
-        """Collect the traits of a scene's surfaces for photons that start on some ports."""
-        scene, parts, panes = starts.scene, starts.scene.parts, starts.panes
-        component = {name: OWN * number for number, name in enumerate(starts.names, 1)}
+    def of(
+        cls, scene: Scene, names: Sequence[str], panes: ChangingPanes | None, imaged: bool
+    ) -> Traits:
+        """Collect the traits of a scene's surfaces for photons of components of some names."""
+        parts = scene.parts
+        component = {name: OWN * number for number, name in enumerate(names, 1)}
         bits = [_bits(part) | component.get(part.component, 0) for part in parts]
         mirrors = PlanarMirrors.of(scene)
         if mirrors is not None:

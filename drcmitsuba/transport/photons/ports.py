@@ -105,6 +105,24 @@ def _parts_of_ground(finer: int) -> np.ndarray:
     return np.array([(*ring, *turn) for ring in rings for turn in pairwise(turns)])
 
 
+class Start(NamedTuple):
+    """Photons on their ports."""
+
+    p: mi.Point3f
+    d: mi.Vector3f
+    """Direction of travel."""
+    flux: mi.Float
+    """Flux per unit radiance of the source [m² sr]."""
+    source: mi.UInt32
+    bin: mi.UInt32
+    index: mi.UInt32
+    """Number among the photons of the source to the component."""
+    component: mi.UInt32
+    """Number among the components of the launch."""
+    by_pane: mi.Bool
+    """Whether the way from the source passes one of `ChangingPanes`."""
+
+
 @dataclass(frozen=True)
 class ComponentPorts:
     """Ports of one component, or of the panes, of a scene."""

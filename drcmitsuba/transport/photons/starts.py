@@ -20,32 +20,14 @@ from drcmitsuba.runtime.random_streams import even_numbers, even_order
 from drcmitsuba.scene.geometry import is_triangle
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.photons.changing_panes import ChangingPanes
-from drcmitsuba.transport.photons.ports import ComponentPorts, PhotonSources
+from drcmitsuba.transport.photons.ports import ComponentPorts, PhotonSources, Start
 from drcmitsuba.transport.rays.shadow_rays import straight
 
 PILOT = 4096
 """Number of rays from a port that test its view of sky and ground."""
 
 
-class Start(NamedTuple):
-    """Photons on their ports."""
-
-    p: mi.Point3f
-    d: mi.Vector3f
-    """Direction of travel."""
-    flux: mi.Float
-    """Flux per unit radiance of the source [m² sr]."""
-    source: mi.UInt32
-    bin: mi.UInt32
-    index: mi.UInt32
-    """Number among the photons of the source to the component."""
-    component: mi.UInt32
-    """Number among the components of the launch."""
-    by_pane: mi.Bool
-    """Whether the way from the source passes one of `ChangingPanes`."""
-
-
-class Rows(NamedTuple):
+class PhotonRows(NamedTuple):
     """Sources and components that they light: each row has its own photons."""
 
     component: np.ndarray
@@ -57,7 +39,7 @@ class Rows(NamedTuple):
     @classmethod
     def of(
         cls, every: tuple[ComponentPorts, ...], sources: PhotonSources, sends: np.ndarray
-    ) -> Rows:
+    ) -> PhotonRows:
         """Rows of the sources that send any light, a mask (source,), component by component."""
         could = tuple(ports.could(sources) * sends[:, None] for ports in every)
         lit = [np.flatnonzero(each.any(axis=1)) for each in could]
@@ -68,9 +50,9 @@ class Rows(NamedTuple):
         """Count the rows."""
         return len(self.source)
 
-    def some(self, here: np.ndarray | slice) -> Rows:
+    def some(self, here: np.ndarray | slice) -> PhotonRows:
         """Take some rows."""
-        return Rows(self.component[here], self.source[here], self.could)
+        return PhotonRows(self.component[here], self.source[here], self.could)
 
     @property
     def shares(self) -> np.ndarray:
@@ -159,7 +141,12 @@ class PhotonStarts:
         return _crossed(tables, most, begin, end, p, d)
 
     def start(
-        self, sources: PhotonSources, rows: Rows, photons: int, seeds: np.ndarray, lane: mi.UInt32
+        self,
+        sources: PhotonSources,
+        rows: PhotonRows,
+        photons: int,
+        seeds: np.ndarray,
+        lane: mi.UInt32,
     ) -> Start:
         """Start some photons from the sources of rows, numbered by `lane`.
 
@@ -229,7 +216,7 @@ class PhotonStarts:
             by_pane |= panes.passed(p, d, here)
         return by_pane
 
-    def _index(self, rows: Rows, lane: mi.UInt32, photons: int) -> mi.UInt32:
+    def _index(self, rows: PhotonRows, lane: mi.UInt32, photons: int) -> mi.UInt32:
         """Index of the photon of a lane among the `photons` of its row.
 
         Photons that start side by side, at heights that follow one another, have similar ways: they

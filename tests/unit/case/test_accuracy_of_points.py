@@ -44,7 +44,8 @@ def test_many_components_share_photons():
     usual = Accuracy()
     assert usual.of_components(4) == usual
     assert usual.of_components(36).photons == round(usual.photons / 3)
-    assert usual.of_components(36).of_components(16) == usual.of_components(16)
+    for count in (16, 1):
+        assert usual.of_components(36).of_components(count) == usual.of_components(count)
     assert usual.of_components(1 << 30).photons == 1
     assert Accuracy(photons=1024).of_components(36).photons == 1024
 
