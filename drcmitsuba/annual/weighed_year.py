@@ -123,7 +123,8 @@ class WeighedYear(SummedReplicates):
     def _lit(self) -> dict[int, np.ndarray]:
         """Shares (row,) of all that gives light in some hours."""
         whole = np.ones(len(self.shares), np.float32)
-        every = {e: whole if e == BESIDES else self.shares[:, e] for e in self.year.lit}
+        shares = self.year.light.pairs.joined(self.shares)
+        every = {e: whole if e == BESIDES else shares[:, e] for e in self.year.lit}
         return {e: share for e, share in every.items() if share.any()}
 
     def _summed(self, hour: mi.UInt32, pair: mi.UInt32 | None) -> list[mi.Float]:

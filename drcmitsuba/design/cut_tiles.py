@@ -18,7 +18,7 @@ from drcmitsuba.design.realise import LEAST_PANE, cut_tiles
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene.geometry import normals
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.elements.straight_pairs import StraightPairs
+from drcmitsuba.transport.elements.straight_pairs import NO_MIRROR, StraightPairs
 
 THIN = 1e-5
 """Least height of the part of a sun that passes a tile [m]."""
@@ -52,7 +52,8 @@ class CutTiles:
         tile = pairs.element.numpy() // len(self.materials)
         number = {label: i for i, label in enumerate(self.suns.labels)}
         sun = np.array([number.get(label, -1) for label in labels])[bin_]
-        here = np.flatnonzero((tile < len(self.tiles)) & (sun >= 0))
+        straight = pairs.mirror.numpy() == NO_MIRROR
+        here = np.flatnonzero((tile < len(self.tiles)) & (sun >= 0) & straight)
         tile, p, d = tile[here], self.points[sensor[here]], self.suns.directions[sun[here]]
         n = normals(self.quads)[tile]
         t = ((self.quads[tile, 0] - p) * n).sum(axis=1) / (d * n).sum(axis=1)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import drjit as dr
@@ -72,6 +72,7 @@ def illuminance(
         wanted=wanted,
         receivers=receivers,
     )
+    year = replace(year, shares=trace.pairs.joined(year.shares))
     dr.flush_malloc_cache()  # rays take other sizes of memory than light does
     with ThreadPoolExecutor(1) as thread:  # sums while further light is traced
         before: list[Future[np.ndarray]] = []

@@ -54,7 +54,8 @@ class KnownYear:
         """Sum the light of every element over the bins."""
         summed, differ, sensors = _summed(light), _returns_differ(light), len(light.positions)
         elements, blocks = len(light.elements), light.besides.blocks.shape[2]
-        whole = Year.of(L, np.ones((L.shape[0], elements), np.float32), light.sky_bins)
+        every = light.pairs.joined(np.ones((L.shape[0], elements), np.float32))
+        whole = Year.of(L, every, light.sky_bins)
         shape = (light.replicates, L.shape[0], sensors + blocks * differ)
         lit = {e: aligned_rows(shape) for e in summed}
         same = () if differ else light.sent_back(np.ones(elements))
@@ -183,7 +184,7 @@ class KnownYear:
         self, replicate: int, shares: np.ndarray, hours: np.ndarray, out: np.ndarray | None = None
     ) -> np.ndarray:
         """Σ w_e of all elements' light at some hours (hour, receiver), shares (…, element)."""
-        at, parts = run(hours), []
+        at, parts, shares = run(hours), [], self.light.pairs.joined(shares)
         for number, lit in self.lit.items():
             part = lit[replicate][at]
             if number == BESIDES:
@@ -198,9 +199,9 @@ class KnownYear:
 
 
 def _fixed(light: LightByElement) -> np.ndarray:
-    """Whether each element is the only fill of its opening, bool, shape (element,)."""
+    """Whether each element is the only fill of its opening, bool, shape (element,); then pairs."""
     fills = np.diff(light.openings.starts)
-    return np.repeat(fills == 1, fills)
+    return light.pairs.joined(np.repeat(fills == 1, fills))
 
 
 def _summed(light: LightByElement) -> dict[int, list[int]]:

@@ -6,7 +6,8 @@ r"""Light by element, and the coefficients of any façade from it.
 with S and D the light on sensors and cells that comes in by the element e, one opening with one
 fill, before any diffuse reflection; S₀ and D₀ the light that passes no opening; w the share that a
 fill takes of its opening; G₀ the paths that met no opening, and G_m those that did, each with the
-product of the shares of the fills that it met.
+product of the shares of the fills that it met. Pairs of elements, of which one mirrors the light of
+the other, are further elements, whose share is the product of both.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from drcmitsuba.runtime.pieces import pieces
 from drcmitsuba.runtime.threads import in_threads
 from drcmitsuba.schema import mean_and_error
 from drcmitsuba.transport.coefficient_arrays import with_values, without_values
+from drcmitsuba.transport.elements.mirrored_pairs import MirroredPairs
 from drcmitsuba.transport.elements.paths import SentBack
 from drcmitsuba.transport.elements.straight_light import StraightLight
 from drcmitsuba.transport.elements.weights import BESIDES, Year, chosen
@@ -150,6 +152,9 @@ class LightByElement:
     """Light that passes no opening."""
     elements: tuple[ElementLight, ...]
     """Light of every opening with every fill, opening by opening."""
+    mirrored: tuple[ElementLight, ...]
+    """Light of the `pairs`."""
+    pairs: MirroredPairs
     returned: tuple[SentBack, ...]
     """Light that openings send back into the room, in every replicate."""
     _sent_back: dict[bytes, tuple[np.ndarray, ...]] = field(
@@ -165,7 +170,7 @@ class LightByElement:
     @property
     def nbytes(self) -> int:
         """Memory of the arrays [bytes]."""
-        light = sum(each.nbytes for each in (self.besides, *self.elements))
+        light = sum(each.nbytes for each in (self.besides, *self.elements, *self.mirrored))
         return light + sum(back.nbytes for back in self.returned)
 
     def shares(self, indices: np.ndarray) -> np.ndarray:
@@ -178,8 +183,11 @@ class LightByElement:
         return self
 
     def light(self, element: int) -> ElementLight:
-        """Light of an element, or the light `BESIDES`."""
-        return self.besides if element == BESIDES else self.elements[element]
+        """Light of an element or a pair, whose numbers follow, or the light `BESIDES`."""
+        if element == BESIDES:
+            return self.besides
+        count = len(self.elements)
+        return self.elements[element] if element < count else self.mirrored[element - count]
 
     def coefficients(self, shares: np.ndarray) -> xr.Dataset:
         """Coefficients of a façade.
@@ -263,7 +271,8 @@ class LightByElement:
 
     def _some(self, shares: np.ndarray) -> list[tuple[ElementLight, float]]:
         """Light of a façade and its shares, what passes no opening first."""
-        some = [(self.elements[e], float(shares[e])) for e in np.flatnonzero(shares).tolist()]
+        weights = self.pairs.joined(shares)
+        some = [(self.light(e), float(weights[e])) for e in np.flatnonzero(weights).tolist()]
         return [(self.besides, 1.0), *some]
 
     def total(self, shares: np.ndarray, bins: np.ndarray) -> np.ndarray:
@@ -331,10 +340,16 @@ class LightByElement:
             return self
         rows = ElementRows(*(aligned_zeros(part.shape, np.float32) for part in self.rows))
         besides = self.besides.times(1.0, rows)
-        parts = zip(self.elements, factors.tolist(), strict=True)
-        elements = tuple(light.times(f, rows) for light, f in parts)
+        of_pairs = factors[list(self.pairs.passed)].tolist()
+        elements, mirrored = (
+            tuple(light.times(f, rows) for light, f in zip(lights, own, strict=True))
+            for lights, own in ((self.elements, factors.tolist()), (self.mirrored, of_pairs))
+        )
         returned = tuple(each.scaled(factors) for each in self.returned)
-        return replace(self, rows=rows, besides=besides, elements=elements, returned=returned)
+        return replace(
+            self, rows=rows, besides=besides, elements=elements, mirrored=mirrored,
+            returned=returned,
+        )  # fmt: skip
 
     def illuminance(self, L: csr_matrix, shares: np.ndarray) -> Iterator[np.ndarray]:
         """Yield the illuminance of a year by each replicate.
@@ -351,7 +366,7 @@ class LightByElement:
         np.ndarray, shape (time, sensor)
             E [lx].
         """
-        year = Year.of(L, shares, self.sky_bins)
+        year = Year.of(L, self.pairs.joined(shares), self.sky_bins)
         receivers = len(self.positions), self.besides.blocks.shape[2]
         for r, returned in enumerate(self.returned):
             E, D = (year.dark(n) for n in receivers)

@@ -152,6 +152,8 @@ class FollowedPaths:
             few = dr.opaque(mi.UInt32, here.stop - here.start)
             of_result = met.row // few // self.draws == dr.opaque(mi.UInt32, result)
             at = dr.compress(of_result & (met.mark == 0) & (met.weight > 0))
+            if not dr.width(at):  # all of them met openings: black walls, glass that mirrors
+                continue
             row, cell, weight = (dr.gather(type(x), x, at) for x in met[:3])
             sensor = row % few + dr.opaque(mi.UInt32, here.start)
             parts.append(np.stack([x.numpy().astype(float) for x in (weight, sensor, cell)]))

@@ -33,7 +33,7 @@ class Element:
     """Opening with one fill, all others blocked, or the light `BESIDES`."""
 
     number: int
-    """Number among the fills of all openings, opening by opening, or `BESIDES`."""
+    """Number among the fills of all openings, opening by opening, or `BESIDES`; pairs follow."""
     bins: np.ndarray
     """Bins of its light among all labels, int, shape (own bin,)."""
     deposit: Deposit | None = None
@@ -44,6 +44,8 @@ class Element:
     """Photons, where components deviate its light."""
     part: float = 1.0
     """Part of the area of all openings that its own takes; 1 of the light `BESIDES`."""
+    is_mirrored: bool = False
+    """Whether its light is what one of a pair of elements mirrors, see `mirrored_pairs`."""
 
     @property
     def is_opaque(self) -> bool:

@@ -112,7 +112,9 @@ def compute(
         sky_bins=trace.sky_bins,
         rows=every_row,
         besides=lights[0],
-        elements=tuple(lights[1:]),
+        elements=tuple(lights[1 : 1 + trace.openings.starts[-1]]),
+        mirrored=tuple(lights[1 + trace.openings.starts[-1] :]),
+        pairs=trace.pairs,
         returned=tuple(map(trace.paths.returned, range(kept))),
     )
 

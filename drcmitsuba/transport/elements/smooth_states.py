@@ -76,7 +76,7 @@ class SmoothStates:
         by_year = [first.states(shares, factors)]
         by_year += [year.states(shares, factors, first=1) for year in others]
         states = [by_year[year][number] for year, number in self.place]
-        return evaluated(states, first.straight_light(shares * factors))
+        return evaluated(states, first.straight_light(shares, factors))
 
     def straight_sun(self, weighed: Callable[[StraightPairs], mi.Float]) -> list[mi.TensorXf]:
         """E by straight sun [lx], as `SmoothYear.straight_sun`."""

@@ -23,10 +23,11 @@ from drcmitsuba.schema import positions
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.luminances import blended
 from drcmitsuba.transport.elements.light import ElementLight, LightByElement
+from drcmitsuba.transport.elements.mirrored_pairs import MirroredPairs
 from drcmitsuba.transport.elements.mixed_rows import Rows, mixed
 from drcmitsuba.transport.elements.smooth_return import SmoothReturn
 from drcmitsuba.transport.elements.state_illuminances import Illuminances, evaluated
-from drcmitsuba.transport.elements.straight_pairs import StraightPairs
+from drcmitsuba.transport.elements.straight_pairs import NO_MIRROR, StraightPairs
 
 ChangePairs = Callable[[StraightPairs, Sequence[str]], StraightPairs]
 """Function of pairs and the labels of their bins."""
@@ -69,6 +70,8 @@ class SmoothYear:
     """Straight light of the open state."""
     groups: tuple[StraightPairs, ...]
     """That by each group of panes where there are several."""
+    pairs: MirroredPairs
+    """Pairs of elements, whose weights follow those of all elements."""
     returned: SmoothReturn
     """Light that openings send back."""
     sky: mi.TensorXf
@@ -102,27 +105,34 @@ class SmoothYear:
         """
         _check_sky(light, daylight)
         bins, elements, sky = _lit(light), light.elements, daylight.sky
+        pairs, every = light.pairs, (*light.elements, light.besides, *light.mirrored)
         suns = _suns(daylight, light.labels, bins)
         covered = [(closing.diagonal() == 0) & is_open for closing in closings]
         shades = [(m[some] > 0).any(axis=0) for m, some in zip(closings, covered, strict=True)]
         moves = np.any([*covered, *shades], axis=0)
+        stays = pairs.joined(np.broadcast_to(~moves, len(elements)))
         known: dict[tuple[str, int], mi.Float] = {}
         no_opening = np.diag(np.append(np.zeros(len(elements), np.float32), 1))
 
         def part(mask: np.ndarray) -> _Part:
-            at = np.flatnonzero(mask & [element.gives_light for element in elements])
+            places = np.flatnonzero(mask)  # those of pairs follow what passes no opening
+            places = np.where(places < len(elements), places, places + 1).tolist()
+            at = [e for e in places if every[e].gives_light]
             for name in ("total", "blocks"):
-                new = [e for e in at.tolist() if (name, e) not in known]
-                rows = _rows([elements[e] for e in new], name, bins)
+                new = [e for e in at if (name, e) not in known]
+                rows = _rows([every[e] for e in new], name, bins)
                 known.update(zip(((name, e) for e in new), rows, strict=True))
             return _Part(
-                at, *(tuple(known[n, e] for e in at.tolist()) for n in ("total", "blocks"))
+                np.array(at, int), *(tuple(known[n, e] for e in at) for n in ("total", "blocks"))
             )
 
-        def straight(mask: np.ndarray) -> StraightPairs:
-            every = (*elements, light.besides)
-            some = {int(e): (every[e].bins, every[e].pairs) for e in np.flatnonzero(mask)}
-            return StraightPairs.of(some, bins, len(light.positions))
+        def straight(mask: np.ndarray, mirrored: Any = ()) -> StraightPairs:
+            some = {(e, NO_MIRROR): every[e] for e in np.flatnonzero(mask).tolist()}
+            own = {which: (lit.bins, lit.pairs) for which, lit in (some | dict(mirrored)).items()}
+            return StraightPairs.of(own, bins, len(light.positions))
+
+        both = zip(pairs.mirrors, pairs.passed, light.mirrored, strict=True)
+        mirrored = {(e, m): lit for m, e, lit in both if is_open[e] and is_open[m]}
 
         groups = () if group is None else range(group.max(initial=-1) + 1)
         total, blocks = (_rows([light.besides], name, bins)[0] for name in ("total", "blocks"))
@@ -133,17 +143,18 @@ class SmoothYear:
             labels=tuple(light.labels[b] for b in bins),
             closings=tuple(mi.TensorXf(np.pad(m, (0, 1)) + no_opening) for m in closings),
             besides=(total, blocks),
-            same=part(is_open & ~moves),
-            opened=part(is_open & moves),
+            same=part(pairs.joined(is_open) & stays),
+            opened=part(pairs.joined(is_open) & ~stays),
             # Of what some other state covers, shares may stay in this one.
             closed=tuple(
-                part(some | (is_open & moves & (m.diagonal() > 0)))
+                part(pairs.joined(some | (is_open & (m.diagonal() > 0))) & ~stays)
                 for some, m in zip(shades, closings, strict=True)
             )
             if moves.any()
             else (),
-            straight=straight(np.append(is_open, True)),
+            straight=straight(np.append(is_open, True), mirrored),
             groups=tuple(straight(is_open & (group == g)) for g in groups),
+            pairs=pairs,
             returned=SmoothReturn.of(light.returned, len(elements)),
             sky=mi.TensorXf(sky["sky"].values.astype(np.float32)),
             suns=suns,
@@ -200,16 +211,16 @@ class SmoothYear:
         Illuminances
             E [lx].
         """
-        return evaluated(self.states(shares, factors), self.straight_light(shares * factors))
+        return evaluated(self.states(shares, factors), self.straight_light(shares, factors))
 
     def states(self, shares: mi.Float, factors: mi.Float, first: int = 0) -> list[mi.TensorXf]:
         """E [lx] in the states from the `first` one on, 0 the open one; else as `illuminance`."""
         E = list(map(self._accumulated, self.coefficients(shares, factors, first)))
         return E if self.closed else E * (1 + len(self.closings) - first)
 
-    def straight_light(self, weights: mi.Float) -> list[mi.TensorXf]:
-        """E by straight sun [lx], as `straight_sun`, by weights (element + 1,)."""
-        return self.straight_sun(lambda pairs: pairs.weighed(weights))
+    def straight_light(self, shares: mi.Float, factors: mi.Float) -> list[mi.TensorXf]:
+        """E by straight sun [lx], as `straight_sun`; parameters are those of `illuminance`."""
+        return self.straight_sun(lambda pairs: pairs.weighed(shares, factors))
 
     def straight_sun(self, weighed: Callable[[StraightPairs], mi.Float]) -> list[mi.TensorXf]:
         """E by straight sun [lx], all of it and that by each group, of C that pairs weigh up to."""
@@ -227,7 +238,7 @@ class SmoothYear:
 
         Where all states are alike, it is that of one of them. Parameters are those of `states`.
         """
-        same = self._sum(self.same, shares * factors, self.besides)
+        same = self._sum(self.same, self._weights(shares, factors), self.besides)
         closings = (None, *self.closings) if self.closed else (None,)
         kinds = [*zip(closings, (self.opened, *self.closed), strict=True)]
         states = []
@@ -235,9 +246,17 @@ class SmoothYear:
             own = shares
             if closing is not None:
                 own = (mi.TensorXf(shares, (1, dr.width(shares))) @ closing).array
-            lit = self._sum(part, own * factors, same)
+            lit = self._sum(part, self._weights(own, factors), same)
             states.append(self.returned.added(*lit, own, factors))
         return tuple(states)
+
+    def _weights(self, shares: mi.Float, factors: mi.Float) -> mi.Float:
+        """Weights of all elements, of what passes no opening, and of the pairs."""
+        own = shares * factors
+        if not len(self.pairs):
+            return own
+        mirrors, passed = np.array(self.pairs.mirrors), np.array(self.pairs.passed)
+        return dr.concat((own, _taken(shares, mirrors) * _taken(own, passed)))
 
     def _sum(
         self, part: _Part, weights: mi.Float, more: tuple[mi.Float, mi.Float]
@@ -274,7 +293,7 @@ def _taken(values: mi.Float, index: np.ndarray) -> mi.Float:
 
 def _lit(light: LightByElement) -> np.ndarray:
     """Bins that any light comes from: ground, all sky patches, and some suns; int, (bin,)."""
-    every = (light.besides, *light.elements)
+    every = (light.besides, *light.elements, *light.mirrored)
     some = [each.bins for each in every if each.gives_light]
     return np.unique(np.concatenate([np.arange(light.sky_bins), *some]))
 

@@ -3,10 +3,11 @@
 case, openings ─ grouped_panes ─► panes by opening, with their material in every fill
      ─ OpeningMarks ────────────► paths G₀ and G_m, one set for all fills
      ─ elements_of_case ────────► S, D of every element, the other openings blocked; less S₀, D₀
+     ─ elements_of_pairs ───────► S, D of every pair whose panes mirror from one to the other
 
 The random numbers of all deposits are the same, so that light that passes no opening cancels.
 Light that passes two openings in turn before any diffuse reflection, as through a corner of two
-façades, is left out; so is light that clear glass mirrors from pane to pane.
+façades, is left out. What the glass of one element mirrors of the light of another is a pair's.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.elements.light_on_receivers import LightOnReceivers
 from drcmitsuba.transport.elements.marks import MOST_ELEMENTS, OpeningMarks
+from drcmitsuba.transport.elements.mirrored_pairs import MirroredPairs, elements_of_pairs
 from drcmitsuba.transport.elements.paths import ElementPaths, FollowedPaths, OutsideRooms
 from drcmitsuba.transport.elements.scenes import Element, elements_of_case
 from drcmitsuba.transport.elements.solved_paths import SolvedPaths
@@ -112,6 +114,8 @@ class ElementTrace:
     besides: Element
     """Light that passes no opening."""
     elements: tuple[Element, ...]
+    """Every opening with every fill, then `pairs`."""
+    pairs: MirroredPairs
     _disks: dict[tuple[int, int], Disks] = field(default_factory=dict, init=False, repr=False)
     """Disks of suns that were looked for, by element and first sensor."""
 
@@ -131,8 +135,8 @@ class ElementTrace:
         suns : Suns
         accuracy : Accuracy
         effects : EnabledEffects
-            Effects that are simulated; light from pane to pane is not, beside what diffusing panes
-            and films reflect, as if it came from all directions alike.
+            Effects that are simulated; of light from pane to pane, what clear glass mirrors, and
+            what diffusing panes and films reflect, as if it came from all directions alike.
         channel : int
             Colour channel, −1 for luminance.
         draws : int
@@ -151,7 +155,7 @@ class ElementTrace:
         case = case.without_polish()
         if not openings.standing:
             refuse_surfaces(case)
-        effects = replace(effects, pane_to_pane=False)
+        in_panes, effects = effects.pane_to_pane, replace(effects, pane_to_pane=False)
         groups, panes = openings.states, grouped_panes(case, effects, openings)
         if not panes:
             got, remedy = "there is none", "add [groups] or [shading]"
@@ -172,9 +176,11 @@ class ElementTrace:
         besides, *elements = elements_of_case(
             case, openings, panes, suns, points, normals, accuracy, effects, channel, wanted
         )
+        pairs = MirroredPairs.of(panes, groups.starts) if in_panes else MirroredPairs()
+        elements += elements_of_pairs(pairs, elements, panes, groups.starts, wanted)
         return cls(
             groups, points, normals, points + origin(case), labels, len(labels) - len(suns.labels),
-            accuracy, paths, besides, tuple(elements),
+            accuracy, paths, besides, tuple(elements), pairs,
         )  # fmt: skip
 
     def beside(self, replicates: range) -> ElementDeposit | None:
@@ -187,7 +193,9 @@ class ElementTrace:
     ) -> ElementDeposit:
         """Light of an element in some replicates, less what passes no opening."""
         own = self._deposited(element, replicates)
-        return own if besides is None else own.less(besides, self.besides.bins, element.bins)
+        if besides is None or element.is_mirrored:
+            return own
+        return own.less(besides, self.besides.bins, element.bins)
 
     def _deposited(self, element: Element, numbers: range) -> ElementDeposit:
         """All light in the scene of an element."""

@@ -64,7 +64,10 @@ class ImageSuns:
     """Light by way of the planar mirrors of a scene."""
 
     scene: Scene
+    """Scene with the mirrors."""
     mirrors: PlanarMirrors
+    beyond: Scene | None = None
+    """Scene in which light reaches the last mirror of a chain; None for that of the mirrors."""
 
     @classmethod
     def of(cls, scene: Scene) -> ImageSuns | None:
@@ -107,6 +110,11 @@ class ImageSuns:
             dr.scatter_add(out, D.array / share, row * dr.opaque(mi.UInt32, len(suns)) + sun)
             dr.eval(out)
         return mi.TensorXf(out, (count, len(suns)))
+
+    @property
+    def lit(self) -> Scene:
+        """Scene in which suns and sky light the mirrors."""
+        return self.scene if self.beyond is None else self.beyond
 
     def _drawn_share(self, chain: tuple[int, ...]) -> float:
         """Share of the suns to which a direction by a chain is drawn [–]."""
@@ -320,7 +328,7 @@ class _InTurn:
         """Light that counts, as `Met`."""
         active &= axis == self.chain[0]
         if len(self.chain) == 1:
-            reached = weight * visibility(self.images.scene, ray, active)
+            reached = weight * visibility(self.images.lit, ray, active)
         else:
             rest = _InTurn(self.images, self.chain[1:])
             reached = self.images.followed(ray.o, ray.d, active, weight, rest)
@@ -342,7 +350,7 @@ class _MirroredSky:
         self, weight: mi.Float, axis: mi.UInt32, ray: mi.Ray3f, active: mi.Bool
     ) -> mi.Float:
         """Add the light; nothing of it counts once more."""
-        scene = self.images.scene
+        scene = self.images.lit
         lit = active & scene.effects.shines(ray.d)
         light = weight * visibility(scene, ray, lit)
         entry = self.first + patch_index(ray.d, self.subdivision)

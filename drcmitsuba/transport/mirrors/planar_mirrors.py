@@ -8,7 +8,7 @@ mirrors in turn send than a chain has.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from math import prod
 from typing import Any
@@ -203,6 +203,34 @@ class PlanarMirrors:
             mirrors = cls._among(scene, has_lobe)
             every |= {} if mirrors is None else {lobe: mirrors}
         return every
+
+    @classmethod
+    def of_panes(cls, scene: Scene, quads: np.ndarray) -> PlanarMirrors | None:
+        """Collect those panes of clear glass that are `quads` (quad, 4, 3); None without any.
+
+        They mirror at their fronts, into the room.
+        """
+        scene = replace(scene, effects=replace(scene.effects, pane_to_pane=True))
+        centres = quads.mean(axis=1)
+
+        def mine(part: ScenePart) -> np.ndarray:
+            apart = part.quads.mean(axis=1)[:, None] - centres
+            return np.asarray((np.abs(apart).max(axis=2) < COPLANAR).any(axis=1))
+
+        def is_mirror(part: ScenePart) -> bool:
+            is_pane = isinstance(part.material, GlazingMaterial) and is_planar_mirror(part)
+            return is_pane and bool(mine(part).any())
+
+        every = cls._among(scene, is_mirror)
+        if every is None:
+            return None
+        parts = [scene.parts[i] for i in every.parts]
+        kept = np.concatenate(
+            [np.repeat(mine(part), np.where(is_triangle(part.quads), 1, 2)) for part in parts]
+        )
+        axis_of = np.where(kept, every.axis_of.numpy(), NONE)
+        fronts = every.reflectance.numpy().reshape(len(parts), 2, STEPS) * np.array([[1], [0]])
+        return replace(every, axis_of=flat_indices(axis_of), reflectance=flat(fronts))
 
     @classmethod
     def _among(cls, scene: Scene, is_mirror: Callable[[Any], bool]) -> PlanarMirrors | None:

@@ -32,7 +32,7 @@ HOURS, ONLY = 150, 5
 def light(request):
     """Light that openings send back on paths, or solved on cells."""
     backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
-    effects = EnabledEffects(solved_cells=request.param == "cells")
+    effects = EnabledEffects(solved_cells=request.param == "cells", pane_to_pane=True)
     one = case(furniture=[OPPOSITE])
     kind = SolvedReturn if request.param == "cells" else MarkedLight
     with one_blas_thread():  # as in an evaluation

@@ -1,0 +1,161 @@
+"""Pairs of elements, of which one mirrors the other's light: exact geometry, and other routes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from drcmitsuba_plugins.sampling import disk_solid_angle
+from scipy.sparse import csr_matrix
+
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.runtime import backend
+from drcmitsuba.scene import scene as scenes
+from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
+from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.panes_in_state import GroupedPanes
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport import coefficients, elements
+from drcmitsuba.transport.elements import mirrored_pairs
+from drcmitsuba.transport.elements.mirrored_pairs import MirroredPairs
+from tests.unit.transport.exact_scenes import CLOTH, GLASS, SUNS, glazing, quad
+from tests.unit.transport.test_light_by_element import ACCURACY, case, in_state
+
+IN_PANES = replace(ALL_EFFECTS, pane_to_pane=True)
+R, TAU = 0.12, 0.65
+MIRRORING, PLAIN = glazing(TAU, reflectance=R), glazing(TAU)
+SIZE = np.array([3.0, 4.0, 3.0])
+TALL = {"strips": [{"bottom": 0.1, "top": 2.9, "material": "glass"}]}
+BLACK = {"size": SIZE.tolist(), "floor": 0.0, "walls": 0.0, "ceiling": 0.0}
+TWO_SIDES = {
+    "facade": {"south": TALL, "east": TALL},
+    "groups": {
+        side: {"panes": ["glass"], "facing": side, "states": ["cloth"]}
+        for side in ("south", "east")
+    },
+    "materials": {"glass": GLASS, "cloth": CLOTH},
+}
+GLASS_IN_EAST = ("open/open", "cloth/open")
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _variant():
+    backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")
+
+
+def light_of(one, suns=SUNS):
+    return elements.compute(one, PaneGroups.of(one), suns, one.accuracy, IN_PANES)
+
+
+def pane(group, side, *materials):
+    """Pane in the middle of a side of the unit cube, its front to the inside."""
+    made = {
+        "south": quad([0.9, 0, 0.1], [-0.8, 0, 0], [0, 0, 0.8]),
+        "north": quad([0.1, 1, 0.1], [0.8, 0, 0], [0, 0, 0.8]),
+        "west": quad([0, 0.1, 0.1], [0, 0.8, 0], [0, 0, 0.8]),
+        "roof": quad([0.1, 0.1, 1], [0, 0.8, 0], [0.8, 0, 0]),
+    }
+    return GroupedPanes(group, made[side][None], materials, side)
+
+
+def test_glass_mirrors_what_comes_in_by_other_sides():
+    """Fills 0 and 1 of the south, 2 of the west, 3 and 4 of the roof."""
+    panes = [
+        pane(0, "south", MIRRORING, PLAIN),
+        pane(1, "west", PLAIN),
+        pane(2, "roof", MIRRORING, None),
+    ]
+    pairs = MirroredPairs.of(panes, (0, 2, 3, 5))
+    every = {*zip(pairs.mirrors, pairs.passed, strict=True)}
+    assert every == {(0, 2), (0, 3), (0, 4), (3, 0), (3, 1), (3, 2)}
+
+
+def test_panes_of_one_side_do_not_mirror_to_each_other():
+    assert not len(MirroredPairs.of([pane(k, "south", MIRRORING) for k in (0, 1)], (0, 1, 2)))
+
+
+def test_an_opening_of_two_sides_mirrors_its_own_light():
+    """It has one fill at a time."""
+    panes = [pane(0, side, MIRRORING, PLAIN) for side in ("south", "north")]
+    assert MirroredPairs.of(panes, (0, 2)) == MirroredPairs((0,), (0,))
+
+
+def test_the_pairs_of_the_largest_panes_are_kept(monkeypatch):
+    monkeypatch.setattr(mirrored_pairs, "MOST_PAIRS", 2)
+    small = pane(2, "roof", MIRRORING)
+    panes = [pane(0, "south", MIRRORING), pane(1, "west", MIRRORING),
+             replace(small, quads=small.quads * [0.1, 0.1, 1.0])]  # fmt: skip
+    assert MirroredPairs.of(panes, (0, 1, 2, 3)) == MirroredPairs((0, 1), (1, 0), 4)
+
+
+def test_shares_of_pairs_are_products():
+    shares = np.array([[0.3, 0.7, 0.5], [1, 0, 1]])
+    joined = MirroredPairs((0, 2), (2, 1)).joined(shares)
+    np.testing.assert_allclose(joined[:, 3:], [[0.15, 0.35], [1, 0]])
+    assert MirroredPairs().joined(shares) is shares
+
+
+def test_a_mirrored_sun_is_that_of_exact_geometry():
+    """Glass in the east mirrors the sun of the south to a black room, by Schlick's reflectance."""
+    d = np.array([[-0.5, -0.7, 0.4], [0.3, -0.8, 0.5], [0.6, -0.6, 0.3]])
+    suns = Suns(("a", "b", "c"), d / np.linalg.norm(d, axis=1, keepdims=True))
+    sensors = {"corner": [0.4, 0.5, 0.5], "count": [5, 6], "spacing": 0.5}
+    one = case(**TWO_SIDES, room=BLACK, sensors=sensors)
+    light = light_of(one, suns)
+    (east,) = [
+        lit for m, lit in zip(light.pairs.mirrors, light.mirrored, strict=True)
+        if light.openings.names[m // 2] == "east"
+    ]  # fmt: skip
+    C = east.straight.mean(axis=0)[light.sky_bins :]
+    p, lit = light.positions, 0
+    for k, sun in enumerate(suns.directions):
+        seen = sun * [-1, 1, 1]  # the image stands east of the glass
+        t = (SIZE[0] - p[:, 0]) / seen[0]
+        at = p + t[:, None] * seen
+        through = at - (at[:, 1] / sun[1])[:, None] * sun  # at y = 0
+        edges = [at[:, 1], SIZE[1] - at[:, 1], through[:, 0], SIZE[0] - through[:, 0]]
+        edges += [x[:, 2] - 0.1 for x in (at, through)] + [2.9 - x[:, 2] for x in (at, through)]
+        least = np.min(edges, axis=0) if seen[0] > 0 else np.full(len(p), -1.0)
+        expected = (R + (1 - R) * (1 - seen[0]) ** 5) * TAU * disk_solid_angle(0.5) * sun[2]
+        np.testing.assert_allclose(C[k, least > 0.02], expected, rtol=0.02)
+        assert not C[k, least < -0.02].any()
+        lit += (least > 0.02).sum()
+    assert lit > 5
+
+
+@pytest.mark.parametrize("state", GLASS_IN_EAST)
+def test_any_state_has_the_light_that_its_glass_mirrors(same, state):
+    """Of the sky, the suns, and of what cells send on of both."""
+    one = case(**TWO_SIDES)
+    again = Accuracy(**{**ACCURACY, "seed": 77})
+    theirs = coefficients.compute(
+        scenes.load(one, state, effects=IN_PANES), *sensor_points(one), SUNS, again
+    )
+    ours = in_state(light_of(one), state)
+    for part in (slice(0, 146), slice(146, None)):
+        both = (C["replicates"].values[..., part].sum(axis=-1) for C in (ours, theirs))
+        first, second = both
+        same(first, other=second, within=0.01)
+
+
+def test_a_year_without_coefficients_has_the_same_pairs():
+    """Light that is summed before it is gathered, for the suns that each state needs."""
+    one = case(**TWO_SIDES)
+    light, rng = light_of(one), np.random.default_rng(4)
+    indices = rng.integers(0, 2, (20, 2))
+    L = rng.random((20, len(light.labels))).astype(np.float32)
+    L[:, light.sky_bins :] *= rng.random((20, len(SUNS.labels))) < 0.3
+    year = elements.Year.of(csr_matrix(L), light.shares(indices), light.sky_bins)
+    ours = elements.illuminance(one, PaneGroups.of(one), SUNS, one.accuracy, IN_PANES, year)
+    for E, other in zip(ours, light.illuminance(csr_matrix(L), light.shares(indices)), strict=True):
+        np.testing.assert_allclose(E, other, rtol=2e-5)
+
+
+def test_a_factor_of_an_element_is_that_of_light_that_passes_it():
+    light = light_of(case(**TWO_SIDES))
+    factors = np.array([2.0, 1.0, 3.0, 1.0])
+    for e, before, after in zip(
+        light.pairs.passed, light.mirrored, light.scaled(factors).mirrored, strict=True
+    ):
+        assert before.total.any()
+        np.testing.assert_allclose(after.total, factors[e] * before.total, rtol=1e-6)
