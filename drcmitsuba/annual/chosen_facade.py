@@ -230,10 +230,13 @@ class ChosenFacade:
         C = self._with_sensors(joined_channels(channels))
         return self._with_group_of_sun(C, shares, suns)
 
-    def replicates(self) -> xr.Dataset:
-        """`replicates` of C of the open state [sr], of the bins that are bright in the daylight."""
-        assert self.light is not None
-        shares, bins = self._shares_of(OPEN), self.light.bright
+    def replicates(self, indices: np.ndarray) -> xr.Dataset:
+        """`replicates` of C [sr] with the groups in states (group,).
+
+        Where light is known, C has the bins that are bright in its daylight.
+        """
+        shares, bins = self.shares(indices), np.arange(len(self.channels[0].labels))
+        bins = bins if self.light is None else self.light.bright
         C = joined_channels([each.replicates_at(shares, bins) for each in self._standing(shares)])
         return self._with_sensors(C).assign_attrs(self.attributes)
 

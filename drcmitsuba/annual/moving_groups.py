@@ -32,6 +32,8 @@ class MovingGroup:
     """State in the hours of a year, int, (8760,); None where the rule of the shade tells it."""
     is_chosen: bool = False
     """Whether a choice names its fills, which then stand for what is drawn there."""
+    bare: tuple[str, ...] = ()
+    """Further states in which no shade of the case stands."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,12 +48,13 @@ class MovingGroups:
     def states(self) -> GroupStates:
         """Groups and their states as the attributes of C hold them."""
         every = self.groups
-        states = GroupStates(tuple(g.name for g in every), tuple(g.states for g in every))
+        bare = tuple((g.name, state) for g in every for state in g.bare)
+        states = GroupStates(tuple(g.name for g in every), tuple(g.states for g in every), bare)
         moved = {opening for group in every for opening, _ in group.parts}
         others = any(faces for g, faces in enumerate(self.panes.facings) if g not in moved)
         if not others or states == GroupStates.of_shade():
             return states
-        return GroupStates((*states.names, OTHERS), (*states.states, (OPEN,)))
+        return GroupStates((*states.names, OTHERS), (*states.states, (OPEN,)), bare)
 
     @property
     def schedule(self) -> Schedule:
@@ -127,11 +130,17 @@ def moving_groups(
     else:
         at_most = {g: mixtures.shares.max(axis=0) for g, mixtures in chosen.hourly.items()}
         moving = _of_shade(case, panes, rows, {**chosen.constant, **at_most})
+    shades = {name for of_group in prepared(case).groups.states.states for name in of_group[1:]}
+    shades |= set() if case.shading is None else {case.shading.material}
     for g, mixtures in chosen.hourly.items():
+        is_shade = np.array([fill in shades for fill in names.states[g]])
+        shaded = mixtures.shares @ is_shade > 0.5
+        bare = tuple(name for name, of in zip(mixtures.names, shaded, strict=True) if not of)
         by_hour = _hours(names.names[g], mixtures, time)
         name, taken = names.names[g], {group.name for group in moving}
         name = f"{name} (by the hour)" if name in taken else name  # of the shade of a façade
-        moving.append(MovingGroup(name, mixtures.names, ((g, mixtures.shares),), by_hour, True))
+        parts = ((g, mixtures.shares),)
+        moving.append(MovingGroup(name, mixtures.names, parts, by_hour, True, bare[1:]))
     return MovingGroups(tuple(moving), panes)
 
 

@@ -124,22 +124,34 @@ def _coefficients(facade: ChosenFacade, case: Case, daylight: Daylight, run: Run
 
 
 def with_open_state(E: xr.Dataset, facade: ChosenFacade, daylight: Daylight) -> xr.Dataset:
-    """E [lx] with that of the open state, and of its sources, which are made when asked for."""
-    if "total_open" in E:
+    """E [lx] with that of all shades open, and of its sources, which are made when asked for.
+
+    Fills that are chosen by the hour stand for what is drawn: they are no shades.
+    """
+    if facade.sky is not None:
+        groups = facade.moving.states
+        closed = groups.share_closed(FacadeStates.of(facade.attributes, E).of_group) > 0
+        E = E.assign_coords(shade_closed=E["shade_closed"].copy(data=closed))
+    elif "total_open" in E:
         return E
 
     names = [f"{name}_open{end}" for name in SOURCES for end in ENDS]
     arrays = LaterArrays(partial(_open_state, facade, daylight))
     later = arrays.variables(names, E["total"].variable)
     first = ["direct_sun", "direct_sun_se"]  # as `metrics.accumulate.illuminance` has them
-    own = {name: E[name].variable for name in E.data_vars}
+    own = {name: E[name].variable for name in E.data_vars if name not in later}
     every = {name: own.pop(name) for name in first} | later | own
     return describe(xr.Dataset(every, E.coords, E.attrs))
 
 
 def _open_state(facade: ChosenFacade, daylight: Daylight) -> xr.Dataset:
-    """E of the open state by source [lx], named as `with_open_state` has it."""
+    """E with all shades open, by source [lx], named as `with_open_state` has it."""
+    states = facade.moving.drawn_at(daylight.sky["time"])
+    rows, row = np.unique(states, axis=0, return_inverse=True)
+    order, some = np.argsort(row.ravel(), kind="stable"), []
     with one_blas_thread():
-        C = facade.replicates()
-        parts = illuminance.by_channel(accumulate.by_source, C, daylight.sky)
+        for k, indices in enumerate(rows):
+            sky, C = daylight.sky.isel(time=row.ravel() == k), facade.replicates(indices)
+            some.append(illuminance.by_channel(accumulate.by_source, C, sky))
+    parts = xr.concat(some, "time").isel(time=np.argsort(order)) if len(some) > 1 else some[0]
     return parts.rename({name + end: f"{name}_open{end}" for name in SOURCES for end in ENDS})

@@ -130,9 +130,14 @@ class Opened(NamedTuple):
     run: Run
 
     @classmethod
-    def of(cls, case: Case, fills: Fills, light: Daylight, run: Run) -> Opened:
-        """Open a case whose light is to be summed; errors are those of `openings_of`."""
-        planned, panes = plan(case, light), openings_of(case, fills)
+    def of(
+        cls, case: Case, fills: Fills, light: Daylight, run: Run, eyes: np.ndarray | None = None
+    ) -> Opened:
+        """Open a case whose light is to be summed; errors are those of `openings_of`.
+
+        `eyes` are as for `plan`.
+        """
+        planned, panes = plan(case, light, eyes), openings_of(case, fills)
         scope = effects_of(panes, planned.scope, case.effects)
         return cls(panes, replace(planned, scope=scope), replace(run, enabled_effects=scope))
 

@@ -67,6 +67,8 @@ class GroupStates:
     names: tuple[str, ...]
     states: tuple[tuple[str, ...], ...]
     """States of every group, "open" first."""
+    bare: tuple[tuple[str, str], ...] = ()
+    """Groups and further states of theirs in which no shade stands, as a choice by the hour has."""
 
     @classmethod
     def of_shade(cls) -> GroupStates:
@@ -80,7 +82,8 @@ class GroupStates:
             return cls.of_shade()
         try:
             table = json.loads(attributes["groups"])
-            groups = cls(tuple(table["names"]), tuple(map(tuple, table["states"])))
+            bare = tuple((str(name), str(state)) for name, state in table.get("bare", ()))
+            groups = cls(tuple(table["names"]), tuple(map(tuple, table["states"])), bare)
             fits = 0 < len(groups.names) == len(groups.states) and all(
                 states[:1] == (OPEN,) and all(isinstance(name, str) for name in states)
                 for states in groups.states
@@ -106,12 +109,15 @@ class GroupStates:
         return tuple(len(states) > 1 for states in self.states)
 
     def share_closed(self, indices: np.ndarray) -> np.ndarray:
-        """Share of the closable groups that have left their first state, by `indices` (…, group).
+        """Share of the groups with a shade that have closed it, by `indices` (…, group).
 
-        It is 0 where none may close.
+        A shade is any state but the first one and the `bare` ones. It is 0 where there is none.
         """
-        some = np.array(self.closable, bool)
-        return (indices[..., some] > 0).sum(axis=-1) / max(int(some.sum()), 1)
+        named = zip(self.names, self.states, strict=True)
+        shut = [[k > 0 and (g, s) not in self.bare for k, s in enumerate(of)] for g, of in named]
+        shaded = [np.array(of)[indices[..., g]] for g, of in enumerate(shut) if any(of)]
+        closed: np.ndarray = sum(shaded, np.zeros(indices.shape[:-1]))
+        return closed / max(len(shaded), 1)
 
     @property
     def last(self) -> tuple[int, ...]:

@@ -184,8 +184,12 @@ def _note(
     for (name, takes_hours), count in (+taken).items():
         use, hours = uses[name], ""
         if takes_hours and use.hours is not None:
-            is_cut |= not clock_hours(use.hours) <= clock_hours(period)
-            hours = f", {use.hours[0]} to {use.hours[1]} h"
+            first, last = use.hours
+            hours = f", {first} to {last} h"
+            if clock_hours(use.hours).isdisjoint(clock_hours(period)):
+                hours = f", all hours, since the period has none from {first} to {last} h"
+            else:
+                is_cut |= not clock_hours(use.hours) <= clock_hours(period)
         parts.append(f"{name} {use.target:g} lx{hours} ({count} space{'s' * (count > 1)})")
     if not parts and not any(near for _, near in unknown):
         return ""

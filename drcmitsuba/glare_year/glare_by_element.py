@@ -152,7 +152,7 @@ def glare_elements(
     with one_blas_thread():
         with run.timed("sky"):
             light = daylight(case)
-            panes, planned, run = Opened.of(case, fills, light, run)
+            panes, planned, run = Opened.of(case, fills, light, run, looking.positions)
         tracing = ElementTracing(case, panes, light, run)
         illuminance = tracing.at_eyes(looking)
         with run.timed("what is seen") as done:

@@ -125,7 +125,7 @@ def glare(
     looking = eyes(case, points)
     with run.timed("sky"):
         light = daylight(case)
-        planned = plan(case, light)
+        planned = plan(case, light, looking.positions)
     run = replace(run, enabled_effects=planned.scope)
     simulated = case if planned.scope.shade else case.with_tables(shading=None, groups={})
     sampler = _sampler(simulated, light, looking, rule, run)

@@ -21,6 +21,7 @@ from drcmitsuba.scene.daylit import refuse_darkness
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.leaks import refuse_leaks
 from drcmitsuba.scene.prepared_case import prepared
+from drcmitsuba.scene.sensors import any_outside
 from drcmitsuba.scene.sun_visibility import SunVisibility, VisibleSuns
 from drcmitsuba.sky.daylight import Daylight
 
@@ -86,8 +87,15 @@ class Plan:
         return entries
 
 
-def plan(case: Case, light: Daylight) -> Plan:
+def plan(case: Case, light: Daylight, eyes: np.ndarray | None = None) -> Plan:
     """Decide which effects of a case are simulated in the daylight of its time stamps.
+
+    Parameters
+    ----------
+    case : Case
+    light : Daylight
+    eyes : np.ndarray, shape (eye, 3), optional
+        Positions [m], in the frame of the case's file, of eyes that are lit beside the sensors.
 
     Raises
     ------
@@ -105,8 +113,9 @@ def plan(case: Case, light: Daylight) -> Plan:
     refuse_leaks(case)
     refuse_darkness(case)
     components = place(case)
-    # Sensors before a façade get light of suns that reach no opening.
-    reach = None if prepared(case).sensors.outside else SunVisibility.of(case, components)
+    # Sensors and eyes before a façade get light of suns that reach no opening.
+    outside = prepared(case).sensors.outside or (eyes is not None and any_outside(case, eyes))
+    reach = None if outside else SunVisibility.of(case, components)
     everything = VisibleSuns(np.ones(len(light.suns.labels), bool), 0, 0, 1.0)
     suns = light.suns
     reached = everything if reach is None else reach.visible(suns.directions, suns.diameter)

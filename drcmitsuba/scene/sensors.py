@@ -316,6 +316,17 @@ def _box_grid(grid: Sensors) -> SensorGrid:
     return SensorGrid("", points, np.tile([0.0, 0.0, 1.0], (len(points), 1)))
 
 
+def any_outside(case: Case, points: np.ndarray) -> bool:
+    """Whether any of some points (point, 3) [m] lies outside of the rooms of a model.
+
+    They are in the frame of the case's file. Points beyond the walls of a room of boxes are refused
+    elsewhere.
+    """
+    if case.room is not None or not case.building.layers:
+        return False
+    return bool(outside_rooms(case.building, points).any())
+
+
 def refuse_in_solids(
     case: Case, points: np.ndarray, start: np.ndarray, views: Sequence[str] = ()
 ) -> None:

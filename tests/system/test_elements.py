@@ -76,6 +76,42 @@ def test_no_choice_is_the_case_itself(light):
     np.testing.assert_array_equal(kept.illuminance["sky_open"], ours.illuminance["sky_open"])
 
 
+def test_fills_by_the_hour_are_what_stands_there_with_open_shades(clear):
+    """They are no closed shades, and light with open shades is theirs: of a hole by the hour."""
+    time = clear.daylight.sky["time"]
+    south, east = clear.openings
+
+    def by_hour(*fills):
+        names = np.resize(np.array(fills, object), len(time))
+        return xr.DataArray(names, {"time": time.values}, ["time"])
+
+    constant, hourly = clear.evaluate({east: "hole"}), clear.evaluate({east: by_hour("hole")})
+    for name in ("total", "total_open", "total_open_se", "sky_open", "sun_open"):
+        np.testing.assert_allclose(
+            hourly.illuminance[name], constant.illuminance[name], rtol=2e-5, atol=1e-3
+        )
+    assert hourly.metrics["shade_closed"] == constant.metrics["shade_closed"]
+    np.testing.assert_array_equal(
+        hourly.illuminance.shade_closed, constant.illuminance.shade_closed
+    )
+    mixed = clear.evaluate({south: "glass", east: by_hour("hole", "glass")}).illuminance
+    holes, panes = (clear.evaluate({south: "glass", east: fill}).illuminance.total_open
+                    for fill in ("hole", "glass"))  # fmt: skip
+    np.testing.assert_allclose(mixed.total_open[::2], holes[::2], rtol=2e-5, atol=1e-3)
+    np.testing.assert_allclose(mixed.total_open[1::2], panes[1::2], rtol=2e-5, atol=1e-3)
+    assert not mixed.shade_closed.any()
+
+
+def test_a_shade_by_the_hour_is_closed_in_its_hours(clear):
+    time = clear.daylight.sky["time"]
+    names = np.resize(np.array(["glass", "shade", "shade", "shade"], object), len(time))
+    east = xr.DataArray(names, {"time": time.values}, ["time"])
+    result = clear.evaluate({clear.openings[0]: "glass", clear.openings[1]: east})
+    np.testing.assert_array_equal(result.illuminance.shade_closed, names == "shade")
+    shut = result.metrics["shade_closed"]["value"]
+    assert shut == pytest.approx(100 * (names == "shade").mean())
+
+
 def test_a_choice_is_the_case_drawn_so(light, tmp_path):
     ours = light.evaluate({"opal (east)": "glass", "south": "opal"})
     south, east = (STRIPS, STRIPS.replace("glass", "opal")), "[facade.east]\n" + STRIPS + "\n"

@@ -10,6 +10,7 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import checked
 from drcmitsuba.sky.daylight import daylight
+from tests.model_rooms import GLASS, case_of, layer, shell
 
 ROOM = {
     "period": {"months": [6], "hours": [8, 18], "days_per_week": 1},
@@ -49,6 +50,19 @@ def test_a_north_room_in_winter_sees_no_sun_and_the_plan_tells_by_how_much():
     assert not suns.on
     assert suns.quantities["largest_ns"] < -0.1
     assert f"largest n·s = {suns.quantities['largest_ns']:.2f}" in suns.reason
+
+
+def test_eyes_before_the_façade_see_the_sun_that_no_opening_sees():
+    window = np.array([[1, 0, 1], [3, 0, 1], [3, 0, 2], [1, 0, 2]], float)
+    room = (*shell(4.0, 5.0, window), layer("glass", GLASS, window))
+    sensors = {"corner": [0.5, 0.5, 0.8], "count": [2, 2], "spacing": 1.0}
+    winter = {"months": [12], "hours": [11, 13]}
+    case = case_of(*room, north=180.0, period=winter, sensors=sensors)
+    light = daylight(case)
+    within, before = (np.array([[2.0, y, 1.2]]) for y in (2.0, 9.0))
+    assert not plan(case, light, within).effects["suns"].on
+    assert plan(case, light, before).scope.suns
+    assert plan(case, light, before).scope.sun_visibility is None
 
 
 def test_a_rule_that_asks_for_no_sun_closes_under_any_sky():
