@@ -178,6 +178,21 @@ def _mirrors(component: PlacedComponent) -> bool:
 
 def pane_to_pane(facts: Facts) -> Effect:
     """Light that a pane sends to another one across the room, before it meets a surface."""
+    films, reasons = _from_pane_to_pane(facts)
+    if not reasons:
+        return Effect(False, "no mirroring glass or film across from another opening")
+    if isinstance(facts.case.sun, Adaptive):
+        return Effect(
+            False,
+            f"{'; '.join(reasons)}: light from pane to pane is not simulated with an adaptive sun",
+            missing=True,
+        )
+    how = "photons follow it" if films else "images of the suns, rays to the sky"
+    return Effect(True, f"{'; '.join(reasons)}: {how}")
+
+
+def _from_pane_to_pane(facts: Facts) -> tuple[bool, list[str]]:
+    """Whether films face other scattering panes, and what sends light from pane to pane."""
     case, sides_of = facts.case, panes.used(facts.case)
     measured = panes.of(case, BsdfMaterial)
     scattering = {**measured, **panes.of(case, DiffuserMaterial)}
@@ -194,8 +209,6 @@ def pane_to_pane(facts: Facts) -> Effect:
     glazed = {side for sides in sides_of.values() for side in sides}
     mirrored = bool(mirrors) and len(glazed) + above > 1
     before = mirroring_before(case)
-    if not in_turn and not mirrored and not before:
-        return Effect(False, "no mirroring glass or film across from another opening")
     reasons: list[str] = []
     if in_turn:
         reasons.append(f"films ({', '.join(sorted(with_film))}) face other scattering panes")
@@ -203,14 +216,7 @@ def pane_to_pane(facts: Facts) -> Effect:
         reasons.append(f"glass that mirrors ({', '.join(sorted(mirrors))}) faces another opening")
     if before:
         reasons.append(f"panes that scatter stand before glass that mirrors ({', '.join(before)})")
-    if isinstance(case.sun, Adaptive):
-        return Effect(
-            False,
-            f"{'; '.join(reasons)}: light from pane to pane is not simulated with an adaptive sun",
-            missing=True,
-        )
-    how = "photons follow it" if in_turn else "images of the suns, rays to the sky"
-    return Effect(True, f"{'; '.join(reasons)}: {how}")
+    return in_turn, reasons
 
 
 def obstructions(facts: Facts) -> Effect:

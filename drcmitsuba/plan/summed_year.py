@@ -9,10 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+from drcmitsuba.model.materials import BsdfMaterial
+from drcmitsuba.plan import panes
 from drcmitsuba.plan.effect import Effect
 from drcmitsuba.plan.facts import Facts
 from drcmitsuba.plan.mirrors import mirrors
 from drcmitsuba.scene.enabled_effects import EnabledEffects
+from drcmitsuba.scene.panes_behind import mirroring_before
 
 WHEN = (
     "left out of all hours in which a group is not in its first state, since their E is a sum over "
@@ -20,8 +23,8 @@ WHEN = (
 )
 ALWAYS = "left out, since E is a sum over openings and their fills"
 SIZE = (
-    "−0.6 % of the sky's light, −1.8 % of the ground's and up to 10 % of a patch's in a room with "
-    "windows in three façades"
+    "−1.1 % of the light of sky and suns, up to 3.5 % at a sensor, in a room with glass, a film "
+    "and a fabric in three façades"
 )
 """Measured in `docs/howto/groups.md`."""
 
@@ -33,29 +36,29 @@ def summed(
 
     The open façade is simulated as a whole, unless it is a sum, too: `always`.
     """
-    panes, when, beside = effects["pane_to_pane"], WHEN, "; in other hours: "
+    between, when, beside = effects["pane_to_pane"], WHEN, "; in other hours: "
     if always:
         when, beside = ALWAYS, "; a simulation has: "
-    if panes.on:
-        reason = f"light from pane to pane is {when} ({SIZE}){beside}{panes.reason}"
-        panes = replace(panes, on=False, reason=reason, missing=True)
+    if between.on and (panes.of(facts.case, BsdfMaterial) or mirroring_before(facts.case)):
+        reason = (
+            f"light that films send from pane to pane, or throw back by their lobes, is {when} "
+        )
+        reason += f"({SIZE}){beside}{between.reason}"
+        between = replace(between, on=False, reason=reason, missing=True)
     images, colour = _images(effects["mirrors"], facts, scope, when, beside), effects["colour"]
     if facts.case.colour.wavelengths:
         # Who has nothing but sums says so by `spectral_year.left_out`.
         reason = "bands of colour are left out, since E of some hours is a sum over groups of panes"
         colour = replace(colour, on=False, reason=reason, missing=not always)
-    return {**effects, "pane_to_pane": panes, "mirrors": images, "colour": colour}
+    return {**effects, "pane_to_pane": between, "mirrors": images, "colour": colour}
 
 
 def _images(every: Effect, facts: Facts, scope: EnabledEffects, when: str, beside: str) -> Effect:
-    """Decide on images of suns, of which those in polished surfaces and in panes may be missing."""
-    dull = replace(facts, case=facts.case.without_polish())
-    kept = mirrors(dull, replace(scope, pane_to_pane=False))
-    if not every.on or kept == every:
+    """Decide on images of suns, of which those in polished surfaces may be missing."""
+    polished = facts.case.building.polished
+    if not every.on or not polished:
         return every
-    lost = ["in panes"] if scope.pane_to_pane else []
-    if polished := facts.case.building.polished:
-        names = ", ".join(polished)
-        lost.append(f"in polished surfaces ({names}; diffuse there, E up to 1 % lower)")
-    reason = f"images {' and '.join(lost)} are {when}{beside}{every.reason}"
-    return Effect(kept.on, reason, every.quantities, missing=bool(polished))
+    kept = mirrors(replace(facts, case=facts.case.without_polish()), scope)
+    lost = f"in polished surfaces ({', '.join(polished)}; diffuse there, E up to 1 % lower)"
+    reason = f"images {lost} are {when}{beside}{every.reason}"
+    return Effect(kept.on, reason, every.quantities, missing=True)

@@ -11,6 +11,7 @@ import drcmitsuba
 from drcmitsuba import InputError
 from drcmitsuba.metrics.coefficients_by_state import LaterCoefficients
 from drcmitsuba.scene.fills import openings_of
+from tests import ROOT
 from tests.system.small_room import CASE, DAYS, SHADING, SITE, STRIPS, changed
 
 EAST = "[facade.east]\n" + STRIPS.replace("glass", "opal") + "\n"
@@ -353,17 +354,22 @@ def test_a_shade_that_covers_nothing_is_no_opening(tmp_path):
     assert openings_of(case).states.names == ("opal (south)",)
 
 
-def test_the_plan_says_what_a_sum_leaves_out(tmp_path):
-    """Glass in two sides mirrors light from pane to pane, in all hours of a simulation."""
+@pytest.mark.parametrize("of_film", [False, True])
+def test_the_plan_says_what_a_sum_leaves_out(tmp_path, of_film):
+    """Glass in two sides mirrors light from pane to pane; a film would throw it on by its lobes."""
+    east, film = STRIPS, ""
+    if of_film:
+        file = (ROOT / "scenes" / "films" / "prism.xml").as_posix()
+        east, film = STRIPS.replace("glass", "film"), f'type = "bsdf"\nfile = "{file}"\n'
     case = case_of(
         tmp_path, ("transmittance = 0.65", "transmittance = 0.65\nreflectance = 0.12"),
-        more="[facade.east]\n" + STRIPS + "\n",
+        more=f"[facade.east]\n{east}\n" + (f"[materials.film]\n{film}" if of_film else ""),
     )  # fmt: skip
     light = drcmitsuba.elements(case)
     assert light.planned.scope.pane_to_pane
     entry = light.evaluate().plan["pane_to_pane"]
-    assert entry["on"] is False
-    assert "left out, since E is a sum over openings" in entry["reason"]
+    assert entry["on"] is not of_film
+    assert ("left out, since E is a sum over openings" in entry["reason"]) is of_film
     assert "in other hours" not in entry["reason"]
 
 

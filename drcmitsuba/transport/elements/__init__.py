@@ -6,6 +6,9 @@ weights
     Shares of elements at every time stamp, and the sums of their light.
 paths, solved_paths
     Paths that met no opening, and what openings send back: of all bounces, or solved on cells.
+mirrored_pairs, mirrored_deposit, mirrored_looks
+    Pairs of elements, of which one mirrors the light of the other; their light, and directions by
+    way of mirrors to panes that scatter.
 scenes
     Scenes in which one opening with one fill lets light in, and their deposits.
 light_on_receivers

@@ -1,45 +1,32 @@
 """Pairs of elements, of which one mirrors into the room what comes in by the other.
 
-case, openings ─ MirroredPairs.of ─► pairs whose panes face each other
-     ─ MirroredDeposit ───────────► S, D of every pair: images of suns, rays to the mirrored sky
-
 A pair is lit with the product of the shares of its elements, as a path that meets two openings.
-What two elements mirror in turn, and light of films and fabrics in the glass of another opening,
-is left out.
+What two elements mirror in turn is left out, and so are a film's narrow peaks in glass.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import product
 
-import drjit as dr
-import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.model.materials import GlazingMaterial, SurfaceMaterial
+from drcmitsuba.model.materials import (
+    BsdfMaterial,
+    DiffuserMaterial,
+    GlazingMaterial,
+    SurfaceMaterial,
+)
 from drcmitsuba.model.model import areas
-from drcmitsuba.runtime.flat_arrays import repeated
-from drcmitsuba.runtime.random_streams import Draw, Key, Stream, launch_seed, number_in_replicate
 from drcmitsuba.scene.geometry import normals
 from drcmitsuba.scene.materials import lets_through
 from drcmitsuba.scene.panes_in_state import GroupedPanes
-from drcmitsuba.transport.deposit import Deposit
-from drcmitsuba.transport.elements.scenes import Element
-from drcmitsuba.transport.light.irradiance import Irradiance
-from drcmitsuba.transport.mirrors.image_suns import ImageSuns
-from drcmitsuba.transport.mirrors.mirror_planes import COPLANAR
-from drcmitsuba.transport.mirrors.planar_mirrors import PlanarMirrors
-from drcmitsuba.transport.rays.openings import Within, repeated_within
-from drcmitsuba.transport.rays.straight_suns import Disks
 
+COPLANAR = 1e-3
+"""Distance within which panes lie in one plane [m]."""
 MOST_PAIRS = 32
 """Largest number of pairs, those of the largest panes; the others are left out."""
-FEWER_RAYS = 4
-"""Part of the rays to the sky that look for it in panes, which mirror little of it: 1 of so many.
-"""
 
 
 @dataclass(frozen=True)
@@ -98,7 +85,7 @@ def _mirrors(fill: SurfaceMaterial | None) -> bool:
 
 
 def _passes(fill: SurfaceMaterial | None) -> bool:
-    return fill is None or lets_through(fill)
+    return fill is None or isinstance(fill, DiffuserMaterial | BsdfMaterial) or lets_through(fill)
 
 
 def _faces(mirror: np.ndarray, lit: np.ndarray) -> bool:
@@ -110,99 +97,3 @@ def _faces(mirror: np.ndarray, lit: np.ndarray) -> bool:
     seen = (before_mirror.reshape(len(n), -1, 4) > COPLANAR).any(axis=2)
     shown = (before_lit.reshape(len(m), -1, 4) > COPLANAR).any(axis=2)
     return bool((seen & shown.T).any())
-
-
-@dataclass(frozen=True)
-class MirroredDeposit(Deposit):
-    """Deposit of what panes mirror, and of no other light."""
-
-    images: ImageSuns | None = None
-    """Images in the panes of one element, in the light that another one lets in."""
-    number: int = 0
-    """Number of the pair, which has random numbers of its own."""
-
-    @cached_property
-    def mirrors(self) -> tuple[ImageSuns, ...]:
-        """Light by way of the panes."""
-        assert self.images is not None
-        return (self.images,)
-
-    def seed(self, key: Key, draw: Draw) -> int:
-        """Seed of one launch, as `Deposit.seed`."""
-        own = launch_seed(self.accuracy.seed, Stream.OPENINGS, self.number)
-        return launch_seed(own, *key, draw)
-
-    def by_sky(
-        self, p: mi.Float, n: mi.Float, key: Key, rays: int, numbers: mi.UInt32 | None,
-        within: Within,
-    ) -> mi.TensorXf:  # fmt: skip
-        """D by ground and sky in the panes, as `Deposit.by_sky`."""
-        (images,), subdivision = self.mirrors, self.subdivision
-        assert subdivision is not None
-        with self.launch(key, Draw.SKY):
-            seed = self.seed(key, Draw.MIRRORS)
-            return images.sky(
-                p, n, subdivision=subdivision, rays=max(1, rays // FEWER_RAYS), seed=seed,
-                numbers=numbers, within=within,
-            )  # fmt: skip
-
-    def straight_on_sensors(
-        self, p: mi.Float, n: mi.Float, places: mi.UInt32, replicates: range, sun_samples: int,
-        within: Within = None, disks: Disks | None = None,
-    ) -> Irradiance:  # fmt: skip
-        """D on sensors, as `Deposit.straight_on_sensors`."""
-        count, key, rays = len(replicates), (Stream.SENSORS,), self.accuracy.sensor_sky_rays
-        numbers = dr.concat([number_in_replicate(places, r) for r in replicates])
-        every = repeated(p, count), repeated(n, count)
-        sky = self.by_sky(*every, key, rays, numbers, repeated_within(within, count))
-        if sun_samples and len(self.suns):
-            sun = self.mirrored_on_sensors(p, n, places, replicates, sun_samples, within)
-            assert sun is not None
-            return Irradiance(sky, sun)
-        return Irradiance(sky, dr.zeros(mi.TensorXf, (dr.width(numbers), self.bins[1])))
-
-    def _suns(
-        self, p: mi.Float, n: mi.Float, key: Key, samples: int,
-        numbers: mi.UInt32 | None = None, within: Within = None,
-    ) -> mi.TensorXf:  # fmt: skip
-        """D by the suns themselves: none."""
-        return dr.zeros(mi.TensorXf, (dr.width(p) // 3, self.bins[1]))
-
-
-def elements_of_pairs(
-    pairs: MirroredPairs, elements: Sequence[Element], panes: Sequence[GroupedPanes],
-    first: Sequence[int], wanted: Mapping[int, np.ndarray] | None = None,
-) -> list[Element]:  # fmt: skip
-    """Light of pairs, whose numbers follow those of all elements.
-
-    Parameters
-    ----------
-    elements : sequence of Element
-        Elements that are asked for.
-    first : sequence of int, shape (opening + 1,)
-        First element of every opening, and the number of all.
-    panes, wanted
-        As for `elements_of_case`.
-    """
-    by_number, out = {each.number: each for each in elements}, []
-    for k, (m, e) in enumerate(zip(pairs.mirrors, pairs.passed, strict=True)):
-        mirror, lit, number = by_number.get(m), by_number.get(e), first[-1] + k
-        if mirror is None or lit is None:
-            continue
-        if mirror.deposit is None or lit.deposit is None:
-            out.append(Element(number, min(mirror.bins, lit.bins, key=len)))
-            continue
-        mine = [each.quads for each in panes if first[each.group] <= m < first[each.group + 1]]
-        mirrors = PlanarMirrors.of_panes(mirror.deposit.scene, np.concatenate(mine))
-        assert mirrors is not None
-        base = lit.deposit
-        sky, bins, suns = base.bins[0], lit.bins, base.suns
-        if wanted is not None:
-            kept = wanted[m][bins[sky:] - sky]
-            bins, suns = np.concatenate([bins[:sky], bins[sky:][kept]]), suns[kept]
-        light = MirroredDeposit(
-            mirrors.scene, suns, base.diameter, base.subdivision, base.accuracy, None,
-            images=ImageSuns(mirrors.scene, mirrors, base.scene), number=number,
-        )  # fmt: skip
-        out.append(Element(number, bins, light, lit.sun_samples, part=lit.part, is_mirrored=True))
-    return out

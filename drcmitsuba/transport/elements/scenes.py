@@ -22,8 +22,11 @@ from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_in_state import GroupedPanes
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.deposit import Deposit
+from drcmitsuba.transport.elements.mirrored_deposit import MirroredDeposit
+from drcmitsuba.transport.elements.mirrored_pairs import MirroredPairs
 from drcmitsuba.transport.elements.weights import BESIDES
 from drcmitsuba.transport.mirrors.image_suns import ImageSuns
+from drcmitsuba.transport.mirrors.planar_mirrors import PlanarMirrors
 from drcmitsuba.transport.mirrors.sun_lobes import SunLobes
 from drcmitsuba.transport.photons.tracer import PhotonTracer
 
@@ -45,7 +48,7 @@ class Element:
     part: float = 1.0
     """Part of the area of all openings that its own takes; 1 of the light `BESIDES`."""
     is_mirrored: bool = False
-    """Whether its light is what one of a pair of elements mirrors, see `mirrored_pairs`."""
+    """Whether its light is what one of a pair of elements mirrors, see `MirroredPairs`."""
 
     @property
     def is_opaque(self) -> bool:
@@ -118,6 +121,45 @@ def elements_of_case(
         part = sum(map(_area, mine)) / area if mine else 1.0
         elements.append(Element(number, bins, light, samples, photons, part))
     return elements
+
+
+def elements_of_pairs(
+    pairs: MirroredPairs, elements: Sequence[Element], panes: Sequence[GroupedPanes],
+    first: Sequence[int], wanted: Mapping[int, np.ndarray] | None = None,
+) -> list[Element]:  # fmt: skip
+    """Light of pairs, whose numbers follow those of all elements.
+
+    Parameters
+    ----------
+    elements : sequence of Element
+        Elements that are asked for.
+    first : sequence of int, shape (opening + 1,)
+        First element of every opening, and the number of all.
+    panes, wanted
+        As for `elements_of_case`.
+    """
+    by_number, out = {each.number: each for each in elements}, []
+    for k, (m, e) in enumerate(zip(pairs.mirrors, pairs.passed, strict=True)):
+        mirror, lit, number = by_number.get(m), by_number.get(e), first[-1] + k
+        if mirror is None or lit is None:
+            continue
+        mine = [each.quads for each in panes if first[each.group] <= m < first[each.group + 1]]
+        mirrors = None
+        if mirror.deposit is not None:
+            mirrors = PlanarMirrors.of_panes(mirror.deposit.scene, np.concatenate(mine))
+        if mirrors is None or lit.deposit is None:
+            out.append(Element(number, min(mirror.bins, lit.bins, key=len)))
+            continue
+        base, bins = lit.deposit, lit.bins
+        if wanted is not None:
+            kept, sky = wanted[m][bins[base.bins[0] :] - base.bins[0]], base.bins[0]
+            bins, suns = np.concatenate([bins[:sky], bins[sky:][kept]]), base.suns[kept]
+            films = None if base.films is None else base.films.with_suns(suns, base.diameter)
+            base = replace(base, suns=suns, films=films)
+        images = ImageSuns(mirrors.scene, mirrors, base.scene)
+        light = MirroredDeposit.shown(images, base, number)
+        out.append(Element(number, bins, light, lit.sun_samples, part=lit.part, is_mirrored=True))
+    return out
 
 
 def _area(panes: GroupedPanes) -> float:

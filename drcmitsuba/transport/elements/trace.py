@@ -39,9 +39,9 @@ from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.elements.light_on_receivers import LightOnReceivers
 from drcmitsuba.transport.elements.marks import MOST_ELEMENTS, OpeningMarks
-from drcmitsuba.transport.elements.mirrored_pairs import MirroredPairs, elements_of_pairs
+from drcmitsuba.transport.elements.mirrored_pairs import MirroredPairs
 from drcmitsuba.transport.elements.paths import ElementPaths, FollowedPaths, OutsideRooms
-from drcmitsuba.transport.elements.scenes import Element, elements_of_case
+from drcmitsuba.transport.elements.scenes import Element, elements_of_case, elements_of_pairs
 from drcmitsuba.transport.elements.solved_paths import SolvedPaths
 from drcmitsuba.transport.gather.blocks import Gathered
 from drcmitsuba.transport.interreflection.solved_cells import solved

@@ -44,7 +44,7 @@ from drcmitsuba.transport.films.peaks import Peaks, take_out
 from drcmitsuba.transport.films.sums import summed, widened
 from drcmitsuba.transport.light.products import rows_of
 from drcmitsuba.transport.panes.patches import PanePatches, times_narrower
-from drcmitsuba.transport.panes.transfer import looks
+from drcmitsuba.transport.panes.transfer import PaneLook, looks
 from drcmitsuba.transport.rays.openings import Within
 
 MOST_ROWS = 1 << 18
@@ -201,10 +201,15 @@ class Films:
         numbers: mi.UInt32 | None = None, within: Within = None,
     ) -> Looked:  # fmt: skip
         """Draw directions from receivers to the films; parameters as for `looks`."""
-        every = []
-        for look in looks(
+        directions = looks(
             self.scene, self.patches, p, n, rays=rays, seed=seed, numbers=numbers, within=within
-        ):
+        )
+        return self.looked_along(directions, dr.width(p) // 3, rays)
+
+    def looked_along(self, directions: Sequence[PaneLook], receivers: int, rays: int) -> Looked:
+        """Outgoing cells that receivers meet along directions, so many of each kind from one."""
+        every = []
+        for look in directions:
             row, known = self.rows(look.patch, look.d, look.front)
             seen = (look.weight > 0) & known
             every.append((seen, look.row, look.patch, row, dr.pi * look.weight))
@@ -214,7 +219,7 @@ class Films:
             if dr.width(at := dr.compress(seen)):
                 kinds.append(Directions(*(dr.gather(type(x), x, at) for x in columns)))
                 dr.eval(*kinds[-1])
-        return Looked(dr.width(p) // 3, rays, tuple(kinds))
+        return Looked(receivers, rays, tuple(kinds))
 
     def even_rows(self, looked: Looked) -> tuple[EvenRows, ...]:
         """Find the cells that receivers see in films whose light is best told by a product.

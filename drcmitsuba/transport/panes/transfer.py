@@ -13,6 +13,7 @@ Light from pane to pane is the geometric series E = D_a + K' E.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import drjit as dr
@@ -140,14 +141,21 @@ def pane_transfer(
     mi.TensorXf, shape (receiver, face)
         K, dimensionless.
     """
-    count, faces = dr.width(points) // 3, 2 * len(patches)
+    every = looks(
+        scene, patches, points, normals, rays=rays, seed=seed, numbers=numbers, within=within
+    )
+    return transfer_by(every, scene, patches, dr.width(points) // 3)
+
+
+def transfer_by(
+    every: Sequence[PaneLook], scene: Scene, patches: PanePatches, count: int
+) -> mi.TensorXf:
+    """K of so many receivers, as `pane_transfer`, by directions that were drawn before."""
+    faces = 2 * len(patches)
     out, stride = dr.zeros(mi.Float64, count * faces), dr.opaque(mi.UInt32, faces)
     optics: list[Any] = [pane.material for pane in scene.scattering]
     through = flat([optics[i].scattered for i in patches.owner])
     back = flat([optics[i].sides for i in patches.owner])
-    every = looks(
-        scene, patches, points, normals, rays=rays, seed=seed, numbers=numbers, within=within
-    )
     dr.eval([(look.row, look.patch, look.front, look.weight) for look in every])
     for look in every:
         seen = look.weight > 0

@@ -10,6 +10,7 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import checked
 from drcmitsuba.sky.daylight import daylight
+from tests import ROOT
 from tests.model_rooms import GLASS, case_of, layer, shell
 
 ROOM = {
@@ -175,7 +176,7 @@ def test_a_room_without_openings_is_dark_and_traces_nothing():
     assert result.metrics["sDA"]["value"] == 0
 
 
-def test_a_summed_year_leaves_out_images_in_panes_and_polished_floors(tmp_path):
+def test_a_summed_year_leaves_out_images_in_polished_floors_and_not_in_panes(tmp_path):
     """The floor is polished in the open state; a sum over groups of panes has it diffuse."""
     (tmp_path / "room.rad").write_text(
         "void plastic floor 0 0 5 .2 .2 .2 .03 0\nvoid glass pane 0 0 3 .9 .9 .9\n"
@@ -194,13 +195,28 @@ def test_a_summed_year_leaves_out_images_in_panes_and_polished_floors(tmp_path):
     assert not own.notes()
     assert summed.scope == own.scope
     changed = {name for name in own.effects if summed.effects[name] != own.effects[name]}
-    assert changed == {"pane_to_pane", "mirrors"}
-    panes, mirrors = (summed.effects[name] for name in ("pane_to_pane", "mirrors"))
-    assert (panes.on, panes.missing) == (False, True)
-    assert mirrors.missing
-    assert mirrors.reason.startswith("images in panes and in polished surfaces (floor; diffuse")
-    assert summed.notes() == [panes.reason, mirrors.reason]
-    assert plan(case.without_polish(), daylight(case)).summed().notes() == [panes.reason]
+    assert changed == {"mirrors"}
+    mirrors = summed.effects["mirrors"]
+    assert (mirrors.on, mirrors.missing) == (True, True)  # the panes still mirror
+    assert mirrors.reason.startswith("images in polished surfaces (floor; diffuse")
+    assert summed.notes() == [mirrors.reason]
+    assert plan(case.without_polish(), daylight(case)).summed().notes() == []
+
+
+def test_a_summed_year_leaves_out_what_films_send_to_panes():
+    strips = {m: {"strips": [{"bottom": 1, "top": 2, "material": m}]} for m in ("film", "glass")}
+    film = {"type": "bsdf", "file": str(ROOT / "scenes" / "films" / "prism.xml")}
+    glass = {"type": "glazing", "transmittance": 0.6, "reflectance": 0.1}
+    own = planned(
+        facade={"south": strips["film"], "east": strips["glass"]},
+        materials={"film": film, "glass": glass},
+    )
+    assert own.effects["pane_to_pane"].on
+    for always, when in ((False, "left out of all hours in which a group"), (True, "openings and")):
+        entry = own.summed(always=always).effects["pane_to_pane"]
+        assert (entry.on, entry.missing) == (False, True)
+        assert when in entry.reason
+        assert "−1.1 % of the light of sky and suns" in entry.reason
 
 
 def test_a_summed_year_of_a_room_without_mirrors_leaves_nothing_out():

@@ -8,6 +8,7 @@ from drcmitsuba_plugins.sampling import disk_solid_angle
 from scipy.sparse import csr_matrix
 
 from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.model.materials import Lambertian
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
@@ -18,7 +19,7 @@ from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import coefficients, elements
 from drcmitsuba.transport.elements import mirrored_pairs
 from drcmitsuba.transport.elements.mirrored_pairs import MirroredPairs
-from tests.unit.transport.exact_scenes import CLOTH, GLASS, SUNS, glazing, quad
+from tests.unit.transport.exact_scenes import CLOTH, GLASS, SUNS, diffuser, glazing, quad
 from tests.unit.transport.test_light_by_element import ACCURACY, case, in_state
 
 IN_PANES = replace(ALL_EFFECTS, pane_to_pane=True)
@@ -35,7 +36,8 @@ TWO_SIDES = {
     },
     "materials": {"glass": GLASS, "cloth": CLOTH},
 }
-GLASS_IN_EAST = ("open/open", "cloth/open")
+
+LOOKING = {**ACCURACY, "sensor_sky_rays": 1 << 16, "paths": 1}
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -59,15 +61,14 @@ def pane(group, side, *materials):
 
 
 def test_glass_mirrors_what_comes_in_by_other_sides():
-    """Fills 0 and 1 of the south, 2 of the west, 3 and 4 of the roof."""
+    """Fills 0 and 1 of the south, 2 and 3 of the west, 4 and 5 of the roof."""
     panes = [
         pane(0, "south", MIRRORING, PLAIN),
-        pane(1, "west", PLAIN),
-        pane(2, "roof", MIRRORING, None),
+        pane(1, "west", PLAIN, Lambertian(0.5)),
+        pane(2, "roof", diffuser(0.4), None),
     ]
-    pairs = MirroredPairs.of(panes, (0, 2, 3, 5))
-    every = {*zip(pairs.mirrors, pairs.passed, strict=True)}
-    assert every == {(0, 2), (0, 3), (0, 4), (3, 0), (3, 1), (3, 2)}
+    pairs = MirroredPairs.of(panes, (0, 2, 4, 6))
+    assert (pairs.mirrors, pairs.passed) == ((0, 0, 0), (2, 4, 5))
 
 
 def test_panes_of_one_side_do_not_mirror_to_each_other():
@@ -102,11 +103,11 @@ def test_a_mirrored_sun_is_that_of_exact_geometry():
     sensors = {"corner": [0.4, 0.5, 0.5], "count": [5, 6], "spacing": 0.5}
     one = case(**TWO_SIDES, room=BLACK, sensors=sensors)
     light = light_of(one, suns)
-    (east,) = [
-        lit for m, lit in zip(light.pairs.mirrors, light.mirrored, strict=True)
-        if light.openings.names[m // 2] == "east"
-    ]  # fmt: skip
-    C = east.straight.mean(axis=0)[light.sky_bins :]
+    east_glass, south_glass = 2, 0
+    every = [*zip(light.pairs.mirrors, light.pairs.passed, strict=True)]
+    C = light.mirrored[every.index((east_glass, south_glass))].straight.mean(axis=0)[
+        light.sky_bins :
+    ]
     p, lit = light.positions, 0
     for k, sun in enumerate(suns.directions):
         seen = sun * [-1, 1, 1]  # the image stands east of the glass
@@ -123,7 +124,7 @@ def test_a_mirrored_sun_is_that_of_exact_geometry():
     assert lit > 5
 
 
-@pytest.mark.parametrize("state", GLASS_IN_EAST)
+@pytest.mark.parametrize("state", ["open/open", "cloth/open", "open/cloth"])
 def test_any_state_has_the_light_that_its_glass_mirrors(same, state):
     """Of the sky, the suns, and of what cells send on of both."""
     one = case(**TWO_SIDES)
@@ -133,9 +134,44 @@ def test_any_state_has_the_light_that_its_glass_mirrors(same, state):
     )
     ours = in_state(light_of(one), state)
     for part in (slice(0, 146), slice(146, None)):
-        both = (C["replicates"].values[..., part].sum(axis=-1) for C in (ours, theirs))
-        first, second = both
+        first, second = (C["replicates"].values[..., part].sum(axis=-1) for C in (ours, theirs))
         same(first, other=second, within=0.01)
+
+
+def test_cloth_is_seen_in_glass_as_its_image_is():
+    """In a black room, an image of the cloth behind the glass, R of the incidence times as bright.
+
+    The sensors look east: to the glass, above which the wall is black.
+    """
+    places = [[1.0, 1.0, 1.5, 1, 0, 0], [2.0, 2.0, 1.0, 1, 0, 0]]
+    one = case(**TWO_SIDES, room=BLACK, sensors={"points": places}, accuracy=LOOKING)
+    light = light_of(one)
+    south, _ = light.openings.names
+    assert south == "south"
+    east_glass, south_cloth = 2, 1
+    k = [*zip(light.pairs.mirrors, light.pairs.passed, strict=True)].index(
+        (east_glass, south_cloth)
+    )
+    ours = light.mirrored[k].total[..., : light.sky_bins].sum(axis=1)  # (replicate, sensor)
+    # The radiance of the cloth, from what a sensor close to it gets of it.
+    near = case(**TWO_SIDES, room=BLACK, sensors={"points": [[1.5, 0.002, 1.5, 0, -1, 0]]})
+    C = light_of(near).elements[south_cloth].total[..., : light.sky_bins].sum(axis=1)
+    L = C.mean() / np.pi
+    x, z = (np.arange(600) + 0.5) / 600 * 3.0, 0.1 + (np.arange(560) + 0.5) / 560 * 2.8
+    image = np.stack([2 * SIZE[0] - x[:, None] + 0 * z, 0 * x[:, None] + 0 * z, 0 * x[:, None] + z])
+    dA, expected = (3.0 / 600) * (2.8 / 560), []
+    for place in np.array(places)[:, :3]:
+        d = image - place[:, None, None]
+        r = np.sqrt((d**2).sum(axis=0))
+        t = (SIZE[0] - place[0]) / d[0]
+        y, height = (place[i] + t * d[i] for i in (1, 2))
+        shown = (y > 0) & (y < SIZE[1]) & (height > 0.1) & (height < 2.9)
+        incidence, at_cloth = d[0] / r, np.abs(d[1]) / r
+        rho = R + (1 - R) * (1 - incidence) ** 5
+        expected.append((L * rho * incidence * at_cloth / r**2 * shown).sum() * dA)
+    error = ours.std(axis=0, ddof=1) / len(ours) ** 0.5
+    assert (error < 0.02 * np.array(expected)).all()
+    assert (np.abs(ours.mean(axis=0) - expected) < 4 * error + 0.01 * np.array(expected)).all()
 
 
 def test_a_year_without_coefficients_has_the_same_pairs():

@@ -18,7 +18,7 @@ from tests.validation.fuzz.boxes import pane, random_box
 TIMES = [f"2015-{day}T{hour:02d}:30" for day in ("01-20", "03-21", "06-21") for hour in (9, 12, 15)]
 FOLDER = tempfile.TemporaryDirectory()  # until Python ends: samples are read late
 MIRRORED = 0.1
-"""Largest reflectance of glass: of 0.4, three façades lack 1.8 % of the sky's light."""
+"""Largest reflectance of glass: sums lack what two panes mirror in turn."""
 FILLS = {"first": "one", "second": "two", "third": "third", "hole": "open"}
 """Materials of a façade, by the fills that are chosen: copies, so that no name is taken twice."""
 
@@ -28,7 +28,7 @@ def random_choice(rng: np.random.Generator) -> Sample:
     case = with_replicates(random_box(rng))
     tables = case.model_dump(mode="json", include={"materials"})["materials"]
     tables["third"] = pane(rng)
-    for table in tables.values():  # sums leave out what glass mirrors from pane to pane
+    for table in tables.values():
         if table["type"] == "glazing":
             table["reflectance"] = min(table["reflectance"], MIRRORED)
     tables |= {"one": tables["first"], "two": tables["second"]}
