@@ -108,6 +108,26 @@ def test_choices_are_simulations(same, facade, fills, choices, tables):
         same_sums(same, *replicates(light, drawn(one, choice), choice), 0.006, 0.006)
 
 
+@pytest.mark.parametrize(
+    ("facade", "fills", "choices"),
+    [
+        ({"south": strips("glass"), "west": strips("glass")}, ["cloth", "hole"],
+         [{}, {"glass (south)": "cloth"}, {"glass (west)": "hole"}]),
+        ({"south": strips("glass"), "north": strips("opal")}, [], [{}]),
+        ({side: strips("glass") for side in ("south", "west", "north")}, [], [{}]),
+    ],
+    ids=["corner", "milk glass opposite", "three sides"],
+)  # fmt: skip
+def test_glass_mirrors_light_of_other_openings(same, facade, fills, choices):
+    """A simulation follows light from pane to pane by photons, and by images of the suns."""
+    one = case(facade)
+    light = drcmitsuba.elements(one, fills)
+    assert len(light.channels[0].pairs)
+    for choice in choices:
+        ours, theirs = replicates(light, drawn(one, choice), choice, panes=True)
+        same_sums(same, ours, theirs, 0.006, 0.004)
+
+
 @pytest.mark.parametrize("name", ["duct/duct", "lamella/lamella"])
 def test_components_are_part_of_elements(same, name):
     """Photons are few: the suns' light of single sensors is known to some per cent."""

@@ -36,22 +36,26 @@ class MirroredDeposit(Deposit):
     """Images in the panes of one element, in the light that another one lets in."""
     base: Deposit | None = None
     """Deposit of that element."""
+    is_clear: bool = True
+    """Whether light comes straight by it."""
     number: int = 0
     """Number of the pair, which has random numbers of its own."""
 
     @classmethod
-    def shown(cls, images: ImageSuns, base: Deposit, number: int) -> MirroredDeposit:
+    def shown(
+        cls, images: ImageSuns, base: Deposit, number: int, is_clear: bool
+    ) -> MirroredDeposit:
         """Deposit of what mirrors show of the light of an element."""
         return cls(
             images.scene, base.suns, base.diameter, base.subdivision, base.accuracy, base.patches,
-            base.films, images=images, base=base, number=number,
+            base.films, images=images, base=base, number=number, is_clear=is_clear,
         )  # fmt: skip
 
     @cached_property
     def mirrors(self) -> tuple[ImageSuns, ...]:
         """Light by way of the panes, if any comes straight."""
         assert self.images is not None
-        return () if self.images.lit.clear is None else (self.images,)
+        return (self.images,) if self.is_clear else ()
 
     def seed(self, key: Key, draw: Draw) -> int:
         """Seed of one launch, as `Deposit.seed`."""

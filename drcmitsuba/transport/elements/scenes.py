@@ -18,6 +18,7 @@ from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import normals as unit_normals
+from drcmitsuba.scene.materials import lets_through
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_in_state import GroupedPanes
 from drcmitsuba.sky.sun_models import Suns
@@ -143,10 +144,12 @@ def elements_of_pairs(
         mirror, lit, number = by_number.get(m), by_number.get(e), first[-1] + k
         if mirror is None or lit is None:
             continue
-        mine = [each.quads for each in panes if first[each.group] <= m < first[each.group + 1]]
+        mine, theirs = (_filled(panes, first, element) for element in (m, e))
         mirrors = None
         if mirror.deposit is not None:
-            mirrors = PlanarMirrors.of_panes(mirror.deposit.scene, np.concatenate(mine))
+            mirrors = PlanarMirrors.of_panes(
+                mirror.deposit.scene, np.concatenate([each.quads for each, _ in mine])
+            )
         if mirrors is None or lit.deposit is None:
             out.append(Element(number, min(mirror.bins, lit.bins, key=len)))
             continue
@@ -157,9 +160,21 @@ def elements_of_pairs(
             films = None if base.films is None else base.films.with_suns(suns, base.diameter)
             base = replace(base, suns=suns, films=films)
         images = ImageSuns(mirrors.scene, mirrors, base.scene)
-        light = MirroredDeposit.shown(images, base, number)
+        is_clear = any(material is None or lets_through(material) for _, material in theirs)
+        light = MirroredDeposit.shown(images, base, number, is_clear)
         out.append(Element(number, bins, light, lit.sun_samples, part=lit.part, is_mirrored=True))
     return out
+
+
+def _filled(
+    panes: Sequence[GroupedPanes], first: Sequence[int], element: int
+) -> list[tuple[GroupedPanes, SurfaceMaterial | None]]:
+    """Panes of an element, and their material there."""
+    return [
+        (each, each.materials[element - first[each.group]])
+        for each in panes
+        if first[each.group] <= element < first[each.group + 1]
+    ]
 
 
 def _area(panes: GroupedPanes) -> float:
