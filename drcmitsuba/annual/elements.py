@@ -94,8 +94,8 @@ class Elements:
         Returns
         -------
         Result
-            As from `drcmitsuba.evaluate`. `total_open` has the groups that close, and openings
-            with fills by the hour, in their first state.
+            As from `drcmitsuba.evaluate`. `total_open` has the groups that close in their first
+            state, and openings with fills by the hour as chosen.
 
         Raises
         ------

@@ -120,20 +120,21 @@ def moving_groups(
         The shade is no fill of an opening that it covers, or fills change within an hour.
     """
     names = panes.states
+    members = prepared(case).groups.members if members is None else members
     first = {g: drawn.get(g, np.eye(1, len(s), dtype=np.float32)[0])
              for g, s in enumerate(names.states)}  # fmt: skip
     rows = {g: row for g, row in first.items() if g not in chosen.named}
     if case.groups:
-        moving = _of_table(
-            case, rows, prepared(case).groups.members if members is None else members
-        )
+        moving = _of_table(case, rows, members)
     else:
         at_most = {g: mixtures.shares.max(axis=0) for g, mixtures in chosen.hourly.items()}
         moving = _of_shade(case, panes, rows, {**chosen.constant, **at_most})
-    shades = {name for of_group in prepared(case).groups.states.states for name in of_group[1:]}
-    shades |= set() if case.shading is None else {case.shading.material}
     for g, mixtures in chosen.hourly.items():
-        is_shade = np.array([fill in shades for fill in names.states[g]])
+        is_shade = np.zeros(mixtures.shares.shape[1], bool)
+        if case.groups:
+            is_shade[[*(members[g].fills if g in members else ())]] = True
+        elif case.shading is not None:
+            is_shade[1:] = [fill == case.shading.material for fill in names.states[g][1:]]
         shaded = mixtures.shares @ is_shade > 0.5
         bare = tuple(name for name, of in zip(mixtures.names, shaded, strict=True) if not of)
         by_hour = _hours(names.names[g], mixtures, time)

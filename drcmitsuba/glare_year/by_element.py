@@ -12,7 +12,7 @@ order. Light at the eyes is exact for every façade.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -125,9 +125,11 @@ class ElementTracing:
     ) -> None:  # fmt: skip
         """Add the light of surfaces to `out` (row, replicate, point, time) at `some` points."""
         run = again_with(self.run) if again else self.run
+        # Surfaces have no rows for pairs of elements.
+        effects = replace(run.enabled_effects, pane_to_pane=False)
         accuracy = run.accuracy(coarser(self.case, replicates), len(surfaces.points))
         channels = light_of_channels(
-            self.case, self.panes, self.light.suns, accuracy, run.enabled_effects, _untold,
+            self.case, self.panes, self.light.suns, accuracy, effects, _untold,
             receivers=(surfaces.points, surfaces.normals),
         )  # fmt: skip
         for each, weight, share in zip(

@@ -16,6 +16,9 @@ from drcmitsuba.plan.facts import Facts
 from drcmitsuba.plan.mirrors import mirrors
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.panes_behind import mirroring_before
+from drcmitsuba.scene.panes_in_state import grouped_panes
+from drcmitsuba.scene.prepared_case import prepared
+from drcmitsuba.transport.elements.mirrored_pairs import MirroredPairs
 
 WHEN = (
     "left out of all hours in which a group is not in its first state, since their E is a sum over "
@@ -45,12 +48,25 @@ def summed(
         )
         reason += f"({SIZE}){beside}{between.reason}"
         between = replace(between, on=False, reason=reason, missing=True)
+    elif between.on:
+        between = _between_pairs(between, facts, when)
     images, colour = _images(effects["mirrors"], facts, scope, when, beside), effects["colour"]
     if facts.case.colour.wavelengths:
         # Who has nothing but sums says so by `spectral_year.left_out`.
         reason = "bands of colour are left out, since E of some hours is a sum over groups of panes"
         colour = replace(colour, on=False, reason=reason, missing=not always)
     return {**effects, "pane_to_pane": between, "mirrors": images, "colour": colour}
+
+
+def _between_pairs(between: Effect, facts: Facts, when: str) -> Effect:
+    """Light from pane to pane, of which pairs of small panes may be missing."""
+    groups = prepared(facts.case).groups
+    pairs = MirroredPairs.of(grouped_panes(facts.case, groups=groups), groups.states.starts)
+    if not pairs.left_out:
+        return between
+    reason = f"{between.reason}; {pairs.left_out} of {pairs.left_out + len(pairs)} pairs of "
+    reason += f"openings, those of the smaller panes, are {when}"
+    return replace(between, reason=reason, missing=True)
 
 
 def _images(every: Effect, facts: Facts, scope: EnabledEffects, when: str, beside: str) -> Effect:

@@ -38,7 +38,7 @@ class EnabledEffects:
     obstructions: bool = True
     """Whether light by way of components is traced, and furniture outside the room exists."""
     pane_to_pane: bool = False
-    """Whether photons carry light from pane to pane across the room."""
+    """Whether photons carry light from pane to pane across the room, and panes mirror into it."""
     beyond: bool = True
     """Whether light that leaves a room through a pane may come back."""
     shade: bool = True

@@ -373,6 +373,17 @@ def test_the_plan_says_what_a_sum_leaves_out(tmp_path, of_film):
     assert "in other hours" not in entry["reason"]
 
 
+def test_fills_may_mirror_where_what_is_drawn_does_not(tmp_path):
+    shiny = '[materials.shiny]\ntype = "glazing"\ntransmittance = 0.65\nreflectance = 0.3\n'
+    case = case_of(tmp_path, more=f"[facade.east]\n{STRIPS}\n{shiny}")
+    assert len(drcmitsuba.elements(case, ["shiny"]).channels[0].pairs)
+    assert not len(drcmitsuba.elements(case, ["hole"]).channels[0].pairs)
+    off = case_of(
+        tmp_path, more=f"[facade.east]\n{STRIPS}\n{shiny}[effects]\npane_to_pane = 'off'\n"
+    )
+    assert not len(drcmitsuba.elements(off, ["shiny"]).channels[0].pairs)
+
+
 def test_what_is_drawn_is_no_further_fill(tmp_path):
     case = case_of(tmp_path, more=EAST + OPAL)
     openings = openings_of(case, ["glass", "opal"]).states

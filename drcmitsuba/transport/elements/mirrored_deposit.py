@@ -24,8 +24,7 @@ from drcmitsuba.transport.rays.openings import Within, repeated_within
 from drcmitsuba.transport.rays.straight_suns import Disks
 
 FEWER_RAYS = 4
-"""Part of the rays to the sky that look for it in panes, which mirror little of it: 1 of so many.
-"""
+"""Of so many rays from a receiver to the sky one looks for it in panes: they mirror little."""
 
 
 @dataclass(frozen=True)

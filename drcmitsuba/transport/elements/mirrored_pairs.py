@@ -22,11 +22,10 @@ from drcmitsuba.model.model import areas
 from drcmitsuba.scene.geometry import normals
 from drcmitsuba.scene.materials import lets_through
 from drcmitsuba.scene.panes_in_state import GroupedPanes
+from drcmitsuba.transport.mirrors.mirror_planes import COPLANAR
 
-COPLANAR = 1e-3
-"""Distance within which panes lie in one plane [m]."""
 MOST_PAIRS = 32
-"""Largest number of pairs, those of the largest panes; the others are left out."""
+"""Largest number of pairs, those of the largest panes; the others are left out, with a note."""
 
 
 @dataclass(frozen=True)
@@ -60,13 +59,16 @@ class MirroredPairs:
                 # An opening has one fill at a time; its shares are those of fills side by side.
                 if mirror.group == lit.group and m != k:
                     continue
-                if _mirrors(glass) and _passes(fill):
+                if mirrors_into_room(glass) and _passes(fill):
                     pair = first[mirror.group] + m, first[lit.group] + k
                     found[pair] = found.get(pair, 0.0) + size
-        order = sorted(found, key=lambda pair: (-found[pair], pair))
-        kept = sorted(order[:MOST_PAIRS])
+        sizes = {pair: round(size, 6) for pair, size in found.items()}
+        falling = sorted(sizes.values(), reverse=True)
+        # All pairs of equal panes or none: else a search would favour some of its tiles.
+        least = falling[MOST_PAIRS] if len(falling) > MOST_PAIRS else 0.0
+        kept = sorted(pair for pair, size in sizes.items() if size > least)
         mirrors, passed = zip(*kept, strict=True) if kept else ((), ())
-        return cls(mirrors, passed, len(order) - len(kept))
+        return cls(mirrors, passed, len(found) - len(kept))
 
     def __len__(self) -> int:
         """Count the pairs."""
@@ -80,7 +82,8 @@ class MirroredPairs:
         return np.concatenate([shares, of_pairs], axis=-1)
 
 
-def _mirrors(fill: SurfaceMaterial | None) -> bool:
+def mirrors_into_room(fill: SurfaceMaterial | None) -> bool:
+    """Whether an opening with a fill shows the light of others."""
     return isinstance(fill, GlazingMaterial) and fill.reflectance > 0
 
 

@@ -12,6 +12,7 @@ from drcmitsuba.model.materials import Lambertian
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
+from drcmitsuba.scene.fills import openings_of
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_in_state import GroupedPanes
 from drcmitsuba.scene.sensors import sensor_points
@@ -87,6 +88,8 @@ def test_the_pairs_of_the_largest_panes_are_kept(monkeypatch):
     panes = [pane(0, "south", MIRRORING), pane(1, "west", MIRRORING),
              replace(small, quads=small.quads * [0.1, 0.1, 1.0])]  # fmt: skip
     assert MirroredPairs.of(panes, (0, 1, 2, 3)) == MirroredPairs((0, 1), (1, 0), 4)
+    monkeypatch.setattr(mirrored_pairs, "MOST_PAIRS", 1)  # both or none of equal ones
+    assert MirroredPairs.of(panes, (0, 1, 2, 3)) == MirroredPairs((), (), 6)
 
 
 def test_shares_of_pairs_are_products():
@@ -172,6 +175,23 @@ def test_cloth_is_seen_in_glass_as_its_image_is():
     error = ours.std(axis=0, ddof=1) / len(ours) ** 0.5
     assert (error < 0.02 * np.array(expected)).all()
     assert (np.abs(ours.mean(axis=0) - expected) < 4 * error + 0.01 * np.array(expected)).all()
+
+
+def test_a_hole_is_seen_in_glass():
+    """Of the suns, as much as through clear glass divided by its transmittance."""
+    one = case(**TWO_SIDES, room=BLACK)
+    panes = openings_of(one, ["hole"])
+    light = elements.compute(one, panes, SUNS, one.accuracy, IN_PANES)
+    fills = panes.states.states
+    assert fills == (("open", "cloth", "hole"),) * 2
+    pairs = [*zip(light.pairs.mirrors, light.pairs.passed, strict=True)]
+    glass, hole = (
+        light.mirrored[pairs.index((3, fill))].straight[:, light.sky_bins :].mean(axis=0)
+        for fill in (0, 2)
+    )
+    bright = glass > 0.02 * glass.max()
+    assert bright.any()
+    assert (hole[bright] * GLASS["transmittance"] >= 0.9 * glass[bright]).all()
 
 
 def test_a_year_without_coefficients_has_the_same_pairs():
