@@ -190,6 +190,7 @@ def joined_effects(scopes: Sequence[EnabledEffects]) -> EnabledEffects:
         scattering_panes=some("scattering_panes"),
         films=some("films"),
         obstructions=some("obstructions"),
+        pane_to_pane=some("pane_to_pane"),
         beyond=some("beyond"),
         solved_cells=some("solved_cells"),
         depth=0 if all(scope.depth == 0 for scope in scopes) else None,

@@ -25,7 +25,7 @@ from drcmitsuba.scene.panes_in_state import GroupedPanes
 from drcmitsuba.transport.mirrors.mirror_planes import COPLANAR
 
 MOST_PAIRS = 32
-"""Largest number of pairs, those of the largest panes; the others are left out, with a note."""
+"""Largest number of pairs, those of the largest and nearest panes; the others are left out."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class MirroredPairs:
         for mirror, lit in product(panes, panes):
             if not _faces(mirror.quads, lit.quads):
                 continue
-            size = float(areas(mirror.quads).sum() * areas(lit.quads).sum())
+            size = _size(mirror.quads, lit.quads)
             for (m, glass), (k, fill) in product(
                 enumerate(mirror.materials), enumerate(lit.materials)
             ):
@@ -80,6 +80,12 @@ class MirroredPairs:
             return shares
         of_pairs = shares[..., list(self.mirrors)] * shares[..., list(self.passed)]
         return np.concatenate([shares, of_pairs], axis=-1)
+
+
+def _size(mirror: np.ndarray, lit: np.ndarray) -> float:
+    """Areas of panes over the square of the distance of their centres [m²], as light goes."""
+    apart = mirror.mean(axis=(0, 1)) - lit.mean(axis=(0, 1))
+    return float(areas(mirror).sum() * areas(lit).sum() / max(float(apart @ apart), 1e-6))
 
 
 def mirrors_into_room(fill: SurfaceMaterial | None) -> bool:

@@ -75,9 +75,10 @@ def compute(
     trace = ElementTrace.of(
         case, openings, suns, accuracy, effects, channel=channel, draws=draws, receivers=receivers
     )
+    if sum(_sizes(trace, kept)) > most_bytes:
+        trace = trace.without_pairs()
+    _check_size(case, trace, kept, _sizes(trace, kept), most_bytes)
     every = (trace.besides, *trace.elements)
-    lit = [e for e in every if not e.is_opaque]
-    _check_size(case, trace, kept, [len(element.bins) for element in lit], most_bytes)
     every_row, lights = _dark(trace, kept, every)
     straight: list[list[Entries]] = [[] for _ in every]
     lit_by = [draws_of_light(draws, element) for element in every]
@@ -204,11 +205,16 @@ def _size(sensors: int, blocks: int, kept: int, bins: int) -> int:
     return 4 * kept * bins * (2 * sensors + blocks)
 
 
+def _sizes(trace: ElementTrace, kept: int) -> list[int]:
+    """Memory of every element that gives light [bytes]."""
+    lit = (each for each in (trace.besides, *trace.elements) if not each.is_opaque)
+    return [_size(len(trace.points), trace.paths.blocks, kept, len(each.bins)) for each in lit]
+
+
 def _check_size(
-    case: Case, trace: ElementTrace, kept: int, bins: list[int], most_bytes: int
+    case: Case, trace: ElementTrace, kept: int, each: list[int], most_bytes: int
 ) -> None:
-    """Refuse more elements than memory holds; `bins` are the numbers of bins of each."""
-    each = [_size(len(trace.points), trace.paths.blocks, kept, n) for n in bins]
+    """Refuse more elements than memory holds; `each` are their sizes [bytes]."""
     if sum(each) > most_bytes:
         fit = int(np.searchsorted(np.cumsum(each), most_bytes)) - 1
         got = f"{sum(each) / 2**30:.2g} GiB for {len(each) - 1} openings with one fill each"

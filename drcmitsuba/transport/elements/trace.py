@@ -183,6 +183,12 @@ class ElementTrace:
             accuracy, paths, besides, tuple(elements), pairs,
         )  # fmt: skip
 
+    def without_pairs(self) -> ElementTrace:
+        """Trace whose glass mirrors no light of other openings."""
+        elements = tuple(each for each in self.elements if each.number < self.openings.starts[-1])
+        left_out = MirroredPairs(left_out=self.pairs.left_out + len(self.pairs))
+        return replace(self, elements=elements, pairs=left_out)
+
     def beside(self, replicates: range) -> ElementDeposit | None:
         """Light that passes no opening in some replicates; None where there is none."""
         light = self.deposited(self.besides, replicates)

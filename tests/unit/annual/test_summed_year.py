@@ -8,7 +8,7 @@ from drcmitsuba import elements, evaluate
 from drcmitsuba.annual import simulation
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.summed_year import luminances_of, years_of_states
-from drcmitsuba.annual.variants import SharedElements
+from drcmitsuba.annual.variants import SharedElements, joined_effects
 from drcmitsuba.case.groups import Group
 from drcmitsuba.case.reading import load_case
 from drcmitsuba.case.shading import Shading
@@ -17,6 +17,7 @@ from drcmitsuba.model.materials import DiffuserMaterial, GlazingMaterial
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.shared_facades import SharedFacades
 from drcmitsuba.sky.daylight import daylight
@@ -179,3 +180,11 @@ def test_a_group_with_states_of_its_own_leaves_the_model_its_first_surfaces_or_i
     assert SharedFacades.of([one, one]).bringing
     with pytest.raises(InputError, match=r"groups\.south\.states: states of its own, and surfaces"):
         SharedFacades.of([one, other])
+
+
+def test_façades_share_what_any_of_them_calls_for():
+    """Whichever comes first: glass in two sides mirrors light from pane to pane."""
+    one, two = EnabledEffects(), EnabledEffects(pane_to_pane=True)
+    assert joined_effects([one, two]).pane_to_pane
+    assert joined_effects([two, one]).pane_to_pane
+    assert not joined_effects([one, one]).pane_to_pane

@@ -18,8 +18,9 @@ from drcmitsuba.scene.panes_in_state import GroupedPanes
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import coefficients, elements
-from drcmitsuba.transport.elements import mirrored_pairs
+from drcmitsuba.transport.elements import mirrored_pairs, simulate
 from drcmitsuba.transport.elements.mirrored_pairs import MirroredPairs
+from drcmitsuba.transport.elements.trace import ElementTrace
 from tests.unit.transport.exact_scenes import CLOTH, GLASS, SUNS, diffuser, glazing, quad
 from tests.unit.transport.test_light_by_element import ACCURACY, case, in_state
 
@@ -82,7 +83,7 @@ def test_an_opening_of_two_sides_mirrors_its_own_light():
     assert MirroredPairs.of(panes, (0, 2)) == MirroredPairs((0,), (0,))
 
 
-def test_the_pairs_of_the_largest_panes_are_kept(monkeypatch):
+def test_the_pairs_of_the_largest_and_nearest_panes_are_kept(monkeypatch):
     monkeypatch.setattr(mirrored_pairs, "MOST_PAIRS", 2)
     small = pane(2, "roof", MIRRORING)
     panes = [pane(0, "south", MIRRORING), pane(1, "west", MIRRORING),
@@ -90,6 +91,9 @@ def test_the_pairs_of_the_largest_panes_are_kept(monkeypatch):
     assert MirroredPairs.of(panes, (0, 1, 2, 3)) == MirroredPairs((0, 1), (1, 0), 4)
     monkeypatch.setattr(mirrored_pairs, "MOST_PAIRS", 1)  # both or none of equal ones
     assert MirroredPairs.of(panes, (0, 1, 2, 3)) == MirroredPairs((), (), 6)
+    panes[2] = replace(panes[0], group=2, quads=panes[0].quads + [0, -9.0, 0])  # a further room
+    monkeypatch.setattr(mirrored_pairs, "MOST_PAIRS", 2)
+    assert MirroredPairs.of(panes, (0, 1, 2, 3)) == MirroredPairs((0, 1), (1, 0), 2)
 
 
 def test_shares_of_pairs_are_products():
@@ -205,6 +209,18 @@ def test_a_year_without_coefficients_has_the_same_pairs():
     ours = elements.illuminance(one, PaneGroups.of(one), SUNS, one.accuracy, IN_PANES, year)
     for E, other in zip(ours, light.illuminance(csr_matrix(L), light.shares(indices)), strict=True):
         np.testing.assert_allclose(E, other, rtol=2e-5)
+
+
+def test_pairs_are_left_out_where_memory_does_not_hold_them():
+    one = case(**TWO_SIDES)
+    how = one, PaneGroups.of(one), SUNS, one.accuracy, IN_PANES
+    trace, kept = ElementTrace.of(*how), one.accuracy.replicates
+    most = sum(simulate._sizes(trace, kept)) - 1
+    light = elements.compute(*how, most_bytes=most)
+    assert light.mirrored == ()
+    assert light.pairs == MirroredPairs(left_out=len(trace.pairs))
+    without = in_state(elements.compute(*how[:-1], ALL_EFFECTS), "open")
+    np.testing.assert_array_equal(in_state(light, "open")["replicates"], without["replicates"])
 
 
 def test_a_factor_of_an_element_is_that_of_light_that_passes_it():
