@@ -82,8 +82,9 @@ class GroupStates:
             return cls.of_shade()
         try:
             table = json.loads(attributes["groups"])
+            names, states = tuple(table["names"]), tuple(map(tuple, table["states"]))
             bare = tuple((str(name), str(state)) for name, state in table.get("bare", ()))
-            groups = cls(tuple(table["names"]), tuple(map(tuple, table["states"])), bare)
+            groups = cls(names, states, bare)
             fits = 0 < len(groups.names) == len(groups.states) and all(
                 states[:1] == (OPEN,) and all(isinstance(name, str) for name in states)
                 for states in groups.states
