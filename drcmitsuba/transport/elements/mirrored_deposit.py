@@ -24,7 +24,7 @@ from drcmitsuba.transport.rays.openings import Within, repeated_within
 from drcmitsuba.transport.rays.straight_suns import Disks
 
 FEWER_RAYS = 4
-"""Of so many rays from a receiver to the sky one looks for it in panes: they mirror little."""
+"""Number of rays to the sky for each one that looks for it in panes, which mirror little."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Pairs of elements, of which one mirrors into the room what comes in by the other.
 
 A pair is lit with the product of the shares of its elements, as a path that meets two openings.
-What two elements mirror in turn is left out, and so are a film's narrow peaks in glass.
+Light that two elements mirror in turn is left out, and so are a film's narrow peaks in glass.
 """
 
 from __future__ import annotations

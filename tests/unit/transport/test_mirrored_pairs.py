@@ -133,7 +133,7 @@ def test_a_mirrored_sun_is_that_of_exact_geometry():
 
 @pytest.mark.parametrize("state", ["open/open", "cloth/open", "open/cloth"])
 def test_any_state_has_the_light_that_its_glass_mirrors(same, state):
-    """Of the sky, the suns, and of what cells send on of both."""
+    """Light of the sky, of the suns, and what cells send on of both is that of a simulation."""
     one = case(**TWO_SIDES)
     again = Accuracy(**{**ACCURACY, "seed": 77})
     theirs = coefficients.compute(
@@ -182,7 +182,7 @@ def test_cloth_is_seen_in_glass_as_its_image_is():
 
 
 def test_a_hole_is_seen_in_glass():
-    """Of the suns, as much as through clear glass divided by its transmittance."""
+    """It shows the suns as clear glass does, but for the transmittance of the glass."""
     one = case(**TWO_SIDES, room=BLACK)
     panes = openings_of(one, ["hole"])
     light = elements.compute(one, panes, SUNS, one.accuracy, IN_PANES)
