@@ -229,8 +229,13 @@ def pane_to_local(w, axes):
     return mi.Vector3f(w.x * x.x + w.y * y.x, w.x * x.y + w.y * y.y, w.z)
 
 
+def _computed(scene, ray, active):
+    """Surface that Mitsuba computes."""
+    return scene.ray_intersect(ray, mi.RayFlags.Minimal, coherent=False, active=active)
+
+
 @symbolic
-def transmittance(scene, ray, active):
+def transmittance(scene, ray, active, intersect=None):
     """Product of the straight-through transmittances of all panes on a ray.
 
     Zero where the ray meets anything without a straight-through (`Null`) component.
@@ -243,17 +248,21 @@ def transmittance(scene, ray, active):
         Rays, followed up to their `maxt`.
     active : mi.Bool
         Lanes that count.
+    intersect : callable, optional
+        Gives the surface of a scene that active rays meet, with its normal and its mesh; by default
+        Mitsuba computes it.
 
     Returns
     -------
     mi.Float
         First channel of the transmittance.
     """
+    intersect = intersect or _computed
     result = dr.select(active, mi.Float(1), mi.Float(0))
     ray = mi.Ray3f(ray)
     active = mi.Bool(active)
-    while active:
-        si = scene.ray_intersect(ray, mi.RayFlags.Minimal, coherent=False, active=active)
+    while dr.hint(active, exclude=[intersect]):
+        si = intersect(scene, ray, active)
         active &= si.is_valid()
         si.sh_frame = mi.Frame3f(si.n)
         si.wi = si.to_local(-ray.d)

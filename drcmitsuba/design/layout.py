@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any, cast
 
@@ -190,9 +190,10 @@ class Layout:
         tiled = TiledFacades.of_grid(case, self.side, heights, self.segments, fills)
         effects = plan(case, daylight).of_any_facade
         groups = groups_of(tiled, case, daylight.sky["time"])  # refused likewise
+        mirrors = replace(effects, pane_to_pane=True)  # where tiles may face other panes
         with stage("light by tile") as done:
             channels = light_of_channels(
-                tiled.case, tiled.panes, daylight.suns, case.accuracy, effects, done, kept
+                tiled.case, tiled.panes, daylight.suns, case.accuracy, mirrors, done, kept
             )
         tiles, openings = self.segments * (len(heights) - 1), None
         if eyes is not None:

@@ -197,8 +197,7 @@ class EyePaths:
         """Rays with what they note on their way to the next surface, and the surface."""
         ray = mi.Ray3f(on.o, on.d)
         self.scene.ray_counter.take("path", dr.width(on.ray))
-        flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
-        si = self.scene.full.ray_intersect(ray, flags, coherent=False)
+        si = self.scene.met_faces.intersect(self.scene.full, ray, mi.Bool(True))
         hit = si.is_valid()
         if self.openings is not None:
             far = dr.select(hit, si.t, dr.inf)
@@ -207,7 +206,6 @@ class EyePaths:
         if self._solids is not None:
             left = dr.select(hit, share_left(on.inside, si.p - on.o), 1)
             on = on._replace(weight=on.weight * left)
-        si.wi = si.to_local(-on.d)
         bits = (random_bits(on.number, seed + pair, on.place + 1) for pair in range(2))
         x, y, z, _ = (mi.Float(each >> 8) * TO_UNIT for pair in bits for each in pair)
         return on, self.optics.met(si, on.d, x, mi.Point2f(y, z))

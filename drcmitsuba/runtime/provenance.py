@@ -18,7 +18,7 @@ import mitsuba as mi
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.content_key import content_key
 
-METHOD = 27
+METHOD = 28
 """Version of the method by which numbers are computed; those of another one are not used."""
 PROGRAM_DIGITS = 8
 """Number of hexadecimal digits of a key that stand for the program."""

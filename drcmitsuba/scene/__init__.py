@@ -31,8 +31,9 @@ prepared_case
     Groups of panes and sensors of a case, found once, from which all rooms read.
 flat_panes, box_faces
     Clear panes and walls that rays meet in closed form.
-meshes, mitsuba_scenes
-    Meshes that Mitsuba traces; Mitsuba scenes that one kernel may trace together.
+meshes, mitsuba_scenes, met_faces
+    Meshes that Mitsuba traces; Mitsuba scenes that one kernel may trace together; their faces where
+    rays meet them.
 scene
     The same surfaces as Mitsuba scenes.
 """

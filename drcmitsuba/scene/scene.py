@@ -27,6 +27,7 @@ from drcmitsuba.scene.geometry import Port, Surface, heading, turn
 from drcmitsuba.scene.geometry import clockwise as turned_by
 from drcmitsuba.scene.materials import ends_paths, film, lets_through, loaded
 from drcmitsuba.scene.meshes import quad_mesh
+from drcmitsuba.scene.met_faces import MetFaces
 from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.surfaces import Enclosure, bounds_of_rooms, geometry_of
@@ -89,6 +90,13 @@ class Scene:
     """Angle of the room in the world [deg], by which horizontal films are turned."""
     ray_counter: RayCounter = field(default_factory=RayCounter)
     """Number of rays traced."""
+    met_faces: MetFaces = field(init=False, repr=False, compare=False)
+    """Faces of `full` and `apart`, which are looked up where rays meet them."""
+
+    def __post_init__(self) -> None:
+        """Collect the faces, which cannot be done within a loop that is being recorded."""
+        every = (self.full,) if self.apart is None else (self.full, self.apart)
+        object.__setattr__(self, "met_faces", MetFaces.of(*every))
 
     @property
     def scattering(self) -> tuple[ScenePart, ...]:

@@ -7,7 +7,7 @@ Light that two elements mirror in turn is left out, and so are a film's narrow p
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
@@ -24,7 +24,7 @@ from drcmitsuba.scene.materials import lets_through
 from drcmitsuba.scene.panes_in_state import GroupedPanes
 from drcmitsuba.transport.mirrors.mirror_planes import COPLANAR
 
-MOST_PAIRS = 32
+MOST_PAIRS = 256
 """Largest number of pairs, those of the largest and nearest panes; the others are left out."""
 
 
@@ -36,7 +36,9 @@ class MirroredPairs:
     passed: tuple[int, ...] = ()
     """Number of the mirroring element of every pair, and of the one that light passes."""
     left_out: int = 0
-    """Number of pairs beyond `MOST_PAIRS`."""
+    """Number of pairs beyond `MOST_PAIRS`, or beyond what memory holds."""
+    sizes: tuple[float, ...] = field(default=(), compare=False)
+    """Size of every pair [m²], by which its light goes."""
 
     @classmethod
     def of(cls, panes: Sequence[GroupedPanes], first: Sequence[int]) -> MirroredPairs:
@@ -62,13 +64,28 @@ class MirroredPairs:
                 if mirrors_into_room(glass) and _passes(fill):
                     pair = first[mirror.group] + m, first[lit.group] + k
                     found[pair] = found.get(pair, 0.0) + size
-        sizes = {pair: round(size, 6) for pair, size in found.items()}
-        falling = sorted(sizes.values(), reverse=True)
-        # All pairs of equal panes or none: else a search would favour some of its tiles.
-        least = falling[MOST_PAIRS] if len(falling) > MOST_PAIRS else 0.0
-        kept = sorted(pair for pair, size in sizes.items() if size > least)
-        mirrors, passed = zip(*kept, strict=True) if kept else ((), ())
-        return cls(mirrors, passed, len(found) - len(kept))
+        mirrors, passed = zip(*sorted(found), strict=True) if found else ((), ())
+        sizes = tuple(round(found[pair], 6) for pair in sorted(found))
+        every = cls(mirrors, passed, sizes=sizes)
+        return every.at(every.largest(MOST_PAIRS))
+
+    def largest(self, most: int) -> list[int]:
+        """Positions of at most so many pairs, those of the largest and nearest panes.
+
+        They are all pairs of equal panes or none: else a search would favour some of its tiles.
+        """
+        falling = sorted(self.sizes, reverse=True)
+        least = falling[most] if len(falling) > most else 0.0
+        return [k for k, size in enumerate(self.sizes) if size > least]
+
+    def at(self, places: Sequence[int]) -> MirroredPairs:
+        """Pairs at some positions; the others are left out."""
+        mirrors, passed, sizes = (
+            tuple(self.mirrors[k] for k in places),
+            tuple(self.passed[k] for k in places),
+            tuple(self.sizes[k] for k in places),
+        )
+        return MirroredPairs(mirrors, passed, self.left_out + len(self) - len(places), sizes)
 
     def __len__(self) -> int:
         """Count the pairs."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from drcmitsuba_plugins.patches import Patches
@@ -140,16 +141,18 @@ def elements_of_pairs(
         As for `elements_of_case`.
     """
     by_number, out = {each.number: each for each in elements}, []
+
+    @cache
+    def mirrors_of(element: int) -> PlanarMirrors | None:
+        light, mine = by_number[element].deposit, _filled(panes, first, element)
+        quads = np.concatenate([each.quads for each, _ in mine])
+        return None if light is None else PlanarMirrors.of_panes(light.scene, quads)
+
     for k, (m, e) in enumerate(zip(pairs.mirrors, pairs.passed, strict=True)):
         mirror, lit, number = by_number.get(m), by_number.get(e), first[-1] + k
         if mirror is None or lit is None:
             continue
-        mine, theirs = (_filled(panes, first, element) for element in (m, e))
-        mirrors = None
-        if mirror.deposit is not None:
-            mirrors = PlanarMirrors.of_panes(
-                mirror.deposit.scene, np.concatenate([each.quads for each, _ in mine])
-            )
+        mirrors, theirs = mirrors_of(m), _filled(panes, first, e)
         if mirrors is None or lit.deposit is None:
             out.append(Element(number, min(mirror.bins, lit.bins, key=len)))
             continue

@@ -75,8 +75,7 @@ def compute(
     trace = ElementTrace.of(
         case, openings, suns, accuracy, effects, channel=channel, draws=draws, receivers=receivers
     )
-    if sum(_sizes(trace, kept)) > most_bytes:
-        trace = trace.without_pairs()
+    trace = _within_memory(trace, kept, most_bytes)
     _check_size(case, trace, kept, _sizes(trace, kept), most_bytes)
     every = (trace.besides, *trace.elements)
     every_row, lights = _dark(trace, kept, every)
@@ -209,6 +208,14 @@ def _sizes(trace: ElementTrace, kept: int) -> list[int]:
     """Memory of every element that gives light [bytes]."""
     lit = (each for each in (trace.besides, *trace.elements) if not each.is_opaque)
     return [_size(len(trace.points), trace.paths.blocks, kept, len(each.bins)) for each in lit]
+
+
+def _within_memory(trace: ElementTrace, kept: int, most_bytes: int) -> ElementTrace:
+    """Trace with as many pairs as memory holds."""
+    without = sum(_sizes(trace.with_pairs(0), kept))
+    of_pairs = sum(_sizes(trace, kept)) - without
+    left = max(0, most_bytes - without)
+    return trace if of_pairs <= left else trace.with_pairs(left * len(trace.pairs) // of_pairs)
 
 
 def _check_size(

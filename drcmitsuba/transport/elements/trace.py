@@ -183,11 +183,17 @@ class ElementTrace:
             accuracy, paths, besides, tuple(elements), pairs,
         )  # fmt: skip
 
-    def without_pairs(self) -> ElementTrace:
-        """Trace whose glass mirrors no light of other openings."""
-        elements = tuple(each for each in self.elements if each.number < self.openings.starts[-1])
-        left_out = MirroredPairs(left_out=self.pairs.left_out + len(self.pairs))
-        return replace(self, elements=elements, pairs=left_out)
+    def with_pairs(self, most: int) -> ElementTrace:
+        """Trace with at most so many of the pairs."""
+        first, kept = self.openings.starts[-1], self.pairs.largest(most)
+        numbers = {first + k: first + i for i, k in enumerate(kept)}
+        elements = [each for each in self.elements if each.number < first]
+        elements += [
+            replace(each, number=numbers[each.number])
+            for each in self.elements
+            if each.number in numbers
+        ]
+        return replace(self, elements=tuple(elements), pairs=self.pairs.at(kept))
 
     def beside(self, replicates: range) -> ElementDeposit | None:
         """Light that passes no opening in some replicates; None where there is none."""

@@ -223,7 +223,6 @@ def _trace(
     solids = absorption(scene)
     inside, before = mi.Float(0), mi.Point3f(p)
     active = dr.full(mi.Bool, True, lanes)
-    flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
     surfaces = InBox.of(scene)
     share = dr.opaque(mi.Float, 1 / paths)
     tag = own * dr.opaque(mi.UInt32, paths) + index
@@ -239,11 +238,10 @@ def _trace(
                  crossings, single, turns],
     ):  # fmt: skip
         scene.ray_counter.add("path", active)
-        si = surfaces.intersect(ray, flags, active)
+        si = surfaces.intersect(ray, active)
         if dr.hint(crossings is not None, mode="scalar"):
             mark = crossings.mark(ray, si.t, mark, active)  # type: ignore[union-attr]
         active &= si.is_valid()
-        si.wi = si.to_local(-ray.d)
         if dr.hint(solids is not None, mode="scalar"):
             beta *= share_left(inside, si.p - before)
         bsdf, may_be_cell, scatters = si.bsdf(), mi.Bool(True), mi.Bool(False)

@@ -33,7 +33,6 @@ from drcmitsuba_plugins.symbolic import symbolic
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices, row_and_column
 from drcmitsuba.runtime.launch_size import SHADOW_RAYS
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.mirrors.mirror_planes import MOST_IN_TURN
 from drcmitsuba.transport.mirrors.planar_mirrors import PlanarMirrors
 from drcmitsuba.transport.rays.even_rays import first_directions
 from drcmitsuba.transport.rays.openings import SLACK, Openings, Within
@@ -273,12 +272,10 @@ class ImageSuns:
         """
         total, weight, active = mi.Float(0), mi.Float(weight), mi.Bool(active)
         ray, step = mi.Ray3f(p, d), mi.UInt32(0)
-        flags = mi.RayFlags.Minimal
-        while dr.hint(active, exclude=[self, met, flags, p, d]):
-            si = self.scene.full.ray_intersect(ray, flags, coherent=False, active=active)
+        faces = self.scene.met_faces
+        while dr.hint(active, exclude=[self, met, faces, p, d]):
+            si = faces.intersect(self.scene.full, ray, active)
             active &= si.is_valid()
-            si.sh_frame = mi.Frame3f(si.n)
-            si.wi = si.to_local(-ray.d)
             axis, rho = self.mirrors.met(si, si.wi.z, active)
             onward, mirrors = ray.d + 2 * si.wi.z * si.n, active & (rho > 0)
             if dr.hint(self.has_blocked_windows, mode="scalar"):
@@ -355,7 +352,7 @@ class _MirroredSky:
         light = weight * visibility(scene, ray, lit)
         entry = self.first + patch_index(ray.d, self.subdivision)
         dr.scatter_add(self.out, mi.Float64(light), entry, lit & (light > 0))
-        if self.turns < MOST_IN_TURN:
+        if self.turns < self.images.mirrors.most_in_turn:
             rest = _MirroredSky(self.images, self.first, self.subdivision, self.out, self.turns + 1)
             return self.images.followed(ray.o, ray.d, active, weight, rest)
         return mi.Float(0)

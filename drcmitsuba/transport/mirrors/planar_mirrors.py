@@ -179,6 +179,11 @@ class PlanarMirrors:
         """Whether any mirror is no pane."""
         return any(self.scene.parts[i].component for i in self.parts)
 
+    @property
+    def most_in_turn(self) -> int:
+        """Largest number of mirrors of a chain."""
+        return max(map(len, self.chains))
+
     @classmethod
     def of(cls, scene: Scene) -> PlanarMirrors | None:
         """Collect the planar mirrors of a scene; None without any."""

@@ -184,7 +184,6 @@ def follow(
         Whether each photon met a pane that may change.
     """
     ctx = mi.BSDFContext(mi.TransportMode.Importance)
-    flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
     ray, before = mi.Ray3f(start.p, start.d), mi.Point3f(start.p)
     flux, weak = mi.Float(start.flux), WEAK * start.flux
     landed, absorbed, escaped, others, lost, roulette = (mi.Float(0) for _ in range(6))
@@ -195,7 +194,7 @@ def follow(
     while dr.hint(
         active, exclude=[scene, traits, areas, squares, start, sums, bins, limit, ctx, weak]
     ):
-        si = scene.surfaces.ray_intersect(ray, flags, coherent=False, active=active)
+        si = scene.intersect(ray, active)
         met = active & si.is_valid()
         counts = chain == _OWN
         column = start.bin + dr.select(by_pane, sums.half.squares, 0)
@@ -215,7 +214,6 @@ def follow(
             left = share_left(inside, si.p - before)
             absorbed += dr.select(met, flux * (1 - left), 0)
             flux = dr.select(met, flux * left, flux)
-        si.wi = si.to_local(-ray.d)
         bsdf, uv = si.bsdf(), mi.Point2f(0.5)  # random numbers take a seventh of the time
         if dr.hint(not traits.smooth, mode="scalar"):
             uv = mi.Point2f(scatter.next_float32(), scatter.next_float32())

@@ -15,6 +15,7 @@ import mitsuba as mi
 from drcmitsuba.model.materials import GlazingMaterial
 from drcmitsuba.scene.flat_panes import FlatPanes
 from drcmitsuba.scene.materials import ends_paths
+from drcmitsuba.scene.met_faces import MetFaces
 from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 from drcmitsuba.scene.scene import Scene, ScenePart
 
@@ -25,6 +26,8 @@ class PhotonScene:
 
     surfaces: mi.Scene
     """Surfaces that are searched."""
+    met_faces: MetFaces
+    """Their faces."""
     panes: FlatPanes | None
     """Panes that are not, where they are a few rectangles."""
 
@@ -34,10 +37,14 @@ class PhotonScene:
         clear = [part for part in scene.parts if _only_takes(part)]
         panes = FlatPanes.of((part.quads, part.bsdf) for part in clear)
         if panes is None:
-            return cls(scene.full, None)
+            return cls(scene.full, scene.met_faces, None)
         left = [shape for shape in scene.full.shapes() if not any(_is_of(shape, p) for p in clear)]
-        shapes = {f"shape{i}": shape for i, shape in enumerate(left)}
-        return cls(mitsuba_scene(shapes), panes)
+        surfaces = mitsuba_scene({f"shape{i}": shape for i, shape in enumerate(left)})
+        return cls(surfaces, MetFaces.of(surfaces), panes)
+
+    def intersect(self, ray: mi.Ray3f, active: mi.Bool) -> mi.SurfaceInteraction3f:
+        """Surface that active rays meet first, but for the panes that are not searched."""
+        return self.met_faces.intersect(self.surfaces, ray, active)
 
     def passed(self, p: mi.Point3f, d: mi.Vector3f, active: mi.Bool) -> Passed:
         """Panes that flights from points pass."""

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices, vectors_of
+from drcmitsuba.scene.met_faces import MetFaces
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.scene.surfaces import NEAR
 from drcmitsuba.transport.rays.openings import Openings
@@ -39,10 +40,11 @@ class Searched(NamedTuple):
     """Surfaces of any scene."""
 
     full: mi.Scene
+    met_faces: MetFaces
 
-    def intersect(self, ray: mi.Ray3f, flags: Any, active: mi.Bool) -> mi.SurfaceInteraction3f:
+    def intersect(self, ray: mi.Ray3f, active: mi.Bool) -> mi.SurfaceInteraction3f:
         """Surface that active rays meet first."""
-        return self.full.ray_intersect(ray, flags, coherent=False, active=active)
+        return self.met_faces.intersect(self.full, ray, active)
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,8 @@ class InBox:
     """All surfaces."""
     apart: mi.Scene
     """All but the faces, outside of their apertures."""
+    met_faces: MetFaces
+    """Faces of both."""
     apertures: Openings
     axes: tuple[mi.Vector3f, ...]
     """Axes of the room in the world's frame."""
@@ -68,14 +72,15 @@ class InBox:
         """Surfaces of a scene, searched where its room is no such box."""
         room, faces, apart = scene.enclosure, scene.faces, scene.apart
         if room is None or faces is None or apart is None:
-            return Searched(scene.full)
+            return Searched(scene.full, scene.met_faces)
         apertures = Openings(faces.apertures, occluders=apart)
         for i in range(len(apertures.quads)):
             apertures.axes(i)  # not within a loop that is being recorded
         numbers = np.array([*room.turn.T, room.size], float).tobytes()
-        return cls(scene.full, apart, apertures, *_numbers(numbers, faces.parts, str(mi.variant())))
+        axes = _numbers(numbers, faces.parts, str(mi.variant()))
+        return cls(scene.full, apart, scene.met_faces, apertures, *axes)
 
-    def intersect(self, ray: mi.Ray3f, flags: Any, active: mi.Bool) -> mi.SurfaceInteraction3f:
+    def intersect(self, ray: mi.Ray3f, active: mi.Bool) -> mi.SurfaceInteraction3f:
         """Surface that active rays meet first."""
         inside, t, face = mi.Bool(True), mi.Float(dr.inf), mi.UInt32(0)
         for k, (axis, size) in enumerate(zip(self.axes, self.size, strict=True)):
@@ -93,7 +98,7 @@ class InBox:
         met = self.apart.ray_intersect_preliminary(before, coherent=False, active=within)
         other = self.full.ray_intersect_preliminary(ray, coherent=False, active=outside)
         met = dr.select(inside, met, other)
-        si = met.compute_surface_interaction(ray, flags, active & met.is_valid())
+        si = self.met_faces.surface(met, ray, active)
         wall = active & ends & ~met.is_valid()
         inward = dr.gather(mi.Normal3f, self.normals, face, wall)
         si.t = dr.select(wall, t, si.t)
@@ -103,4 +108,5 @@ class InBox:
         at = dr.gather(mi.UInt32, self.shape, face, wall)
         of_face = dr.gather(mi.ShapePtr, self.full.shapes_dr(), at, wall)
         si.shape = dr.select(wall, of_face, si.shape)
+        si.wi = si.to_local(-ray.d)
         return si

@@ -78,7 +78,7 @@ def visibility(
         return dr.select(lit, mi.Float(1), 0)
     if scene.flat_panes is not None:
         return scene.flat_panes.transmittance(ray, lit)
-    return transmittance(scene.clear, ray, lit)
+    return transmittance(scene.clear, ray, lit, scene.met_faces.intersect)
 
 
 def sky_deposit(

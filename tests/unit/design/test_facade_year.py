@@ -10,9 +10,12 @@ import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.annual.chosen_facade import light_of_channels
+from drcmitsuba.annual.result import evaluate
 from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.effects import Effects
 from drcmitsuba.design.facade_tiles import TiledLight
 from drcmitsuba.design.facade_year import FacadeYear
+from drcmitsuba.design.layout import Layout
 from drcmitsuba.metrics import accumulate
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
@@ -115,6 +118,28 @@ def test_compositions_are_what_they_are_alone(sides):
             for name in ("straight",) if sides else ("straight", "direct"):
                 a, b = (C[name].sum().item() for C in (recombined, alone))
                 assert a == pytest.approx(b, rel=0.02), name
+
+
+def test_glass_of_another_side_mirrors_the_suns_of_tiles():
+    glass = {"type": "glazing", "transmittance": 0.65, "reflectance": 0.3}
+    strips = [{"bottom": 0.9, "top": 2.7, "material": "glass"}]
+    case = room(
+        PLAIN, facade={side: {"strips": strips} for side in ("south", "east")},
+        materials={**MATERIALS, "glass": glass}, shading=None,
+        design={"film": "fabric", "side": "south", "rows": 2, "segments": 2},
+        period={"months": [11], "hours": [9, 16]},
+    )  # fmt: skip
+    layout = Layout.of(case)
+    tiled, light = layout.light(layout.heights, 1)
+    share = share_of("glass", "fabric", "wall", "glass", fills=FILLS)
+    E = FacadeYear.of(tiled, light).illuminance(mi.TensorXf(share)).direct.numpy()
+    built = layout.composed(tiled, share)
+    simulated = evaluate(built).illuminance["direct_sun"].values
+    alone = evaluate(built.with_tables(effects=Effects(pane_to_pane="off"))).illuminance
+    assert E.mean() == pytest.approx(simulated.mean(), rel=0.003)
+    assert simulated.mean() > 1.02 * alone["direct_sun"].values.mean()
+    # The side mirrors the light of tiles with glass and with fabric, and tiles with glass its light.
+    assert len(tiled.channels[0].pairs) == 4 * 2 + 4
 
 
 def test_the_shade_stands_before_clear_tiles_only():

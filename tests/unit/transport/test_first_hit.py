@@ -41,7 +41,7 @@ def test_closed_form_finds_what_a_search_finds(name):
     world = loaded(**(ROOMS | OTHERS)[name])
     faces, ray = InBox.of(world), rays(world.enclosure)
     by_search = world.full.ray_intersect(ray, FLAGS, coherent=False)
-    by_faces = faces.intersect(ray, FLAGS, mi.Bool(True))
+    by_faces = faces.intersect(ray, mi.Bool(True))
     there = by_search.is_valid().numpy()
     t = np.where(there, by_search.t.numpy(), 0), np.where(there, by_faces.t.numpy(), 0)
     same = (there == by_faces.is_valid().numpy()) & np.isclose(*t, rtol=1e-5, atol=1e-5)
@@ -60,7 +60,7 @@ def test_closed_form_finds_what_a_search_finds(name):
     local = by_faces.to_local(-ray.d).z.numpy()[kept]
     facing = dr.dot(by_faces.n, -ray.d).numpy()[kept]
     np.testing.assert_allclose(local, facing, atol=1e-5)
-    none = faces.intersect(ray, FLAGS, mi.Bool(False))
+    none = faces.intersect(ray, mi.Bool(False))
     assert not none.is_valid().numpy().any()
 
 

@@ -96,6 +96,13 @@ def test_the_pairs_of_the_largest_and_nearest_panes_are_kept(monkeypatch):
     assert MirroredPairs.of(panes, (0, 1, 2, 3)) == MirroredPairs((0, 1), (1, 0), 2)
 
 
+def test_pairs_of_the_largest_panes_stay_where_memory_holds_no_more():
+    pairs = MirroredPairs((0, 0, 1), (1, 2, 2), 3, sizes=(1.0, 0.5, 2.0))
+    assert pairs.at(pairs.largest(2)) == MirroredPairs((0, 1), (1, 2), 4)
+    assert pairs.at(pairs.largest(5)) == pairs
+    assert pairs.at(pairs.largest(0)) == MirroredPairs((), (), 6)
+
+
 def test_shares_of_pairs_are_products():
     shares = np.array([[0.3, 0.7, 0.5], [1, 0, 1]])
     joined = MirroredPairs((0, 2), (2, 1)).joined(shares)

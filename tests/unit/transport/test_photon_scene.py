@@ -65,7 +65,10 @@ def searched(monkeypatch):
     """Have photons search for every pane."""
 
     def use():
-        monkeypatch.setattr(PhotonScene, "of", lambda scene: PhotonScene(scene.full, None))
+        def of(scene):
+            return PhotonScene(scene.full, scene.met_faces, None)
+
+        monkeypatch.setattr(PhotonScene, "of", of)
 
     return use
 
