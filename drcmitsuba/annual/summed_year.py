@@ -27,7 +27,6 @@ from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.transport import elements
-from drcmitsuba.transport.elements.mirrored_pairs import mirrors_into_room
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -140,9 +139,6 @@ class Opened(NamedTuple):
         """
         planned, panes = plan(case, light, eyes), openings_of(case, fills)
         scope = effects_of(panes, planned.scope, case.effects)
-        every = (material for of_group in panes.materials for material in of_group)
-        if case.effects.pane_to_pane != "off" and any(map(mirrors_into_room, every)):
-            scope = replace(scope, pane_to_pane=True)
         return cls(panes, replace(planned, scope=scope), replace(run, enabled_effects=scope))
 
 

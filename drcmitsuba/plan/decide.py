@@ -8,12 +8,12 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.sensors import PointSensors, Sensors
 from drcmitsuba.case.sun import Adaptive, ThreePhase, TrueSun
-from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial
+from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial
 from drcmitsuba.plan import panes
 from drcmitsuba.plan.effect import Effect
 from drcmitsuba.plan.facts import Facts
 from drcmitsuba.scene.components import PlacedComponent
-from drcmitsuba.scene.materials import albedo, film, lets_through
+from drcmitsuba.scene.materials import albedo, film, is_mirroring_glass, lets_through
 from drcmitsuba.scene.panes_behind import mirroring_before
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.scene import is_coloured
@@ -202,7 +202,7 @@ def _from_pane_to_pane(facts: Facts) -> tuple[bool, list[str]]:
         side
         for name, sides in sides_of.items()
         for side in sides
-        if isinstance(m := case.materials.get(name), GlazingMaterial) and m.reflectance > 0
+        if is_mirroring_glass(case.materials.get(name))
     }
     in_turn = bool(with_film) and len(facing) > 1
     above = any(c.is_open for c in facts.components)

@@ -7,7 +7,7 @@ of its group, a material of the case, a hole, or wall.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from drcmitsuba.case.case import Case
@@ -25,7 +25,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import choose, shortened
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.like_panes import assigned_to, like_panes
-from drcmitsuba.scene.materials import shade_covers
+from drcmitsuba.scene.materials import is_mirroring_glass, shade_covers
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.prepared_case import prepared
@@ -147,16 +147,16 @@ def effects_of(openings: PaneGroups, scope: EnabledEffects, chosen: Effects) -> 
     """
     fills = [material for of_group in openings.materials for material in of_group]
 
-    def calls(name: str, *kinds: type) -> bool:
-        on = any(isinstance(fill, kinds) for fill in fills) and getattr(chosen, name) != "off"
-        return on or getattr(scope, name)
+    def calls(name: str, kind: Callable[[SurfaceMaterial | None], bool]) -> bool:
+        return getattr(scope, name) or (getattr(chosen, name) != "off" and any(map(kind, fills)))
 
     depth = scope.depth if chosen.interreflection == "off" or not fills else None
     return replace(
         scope,
-        clear_panes=calls("clear_panes", GlazingMaterial, type(None)),
-        scattering_panes=calls("scattering_panes", DiffuserMaterial),
-        films=calls("films", BsdfMaterial),
+        clear_panes=calls("clear_panes", lambda m: m is None or isinstance(m, GlazingMaterial)),
+        scattering_panes=calls("scattering_panes", lambda m: isinstance(m, DiffuserMaterial)),
+        films=calls("films", lambda m: isinstance(m, BsdfMaterial)),
+        pane_to_pane=calls("pane_to_pane", is_mirroring_glass),
         depth=depth,
     )
 

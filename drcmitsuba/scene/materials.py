@@ -109,6 +109,11 @@ def ends_paths(material: SurfaceMaterial) -> bool:
     return isinstance(material, GlazingMaterial | DiffuserMaterial) and not any(material.sides)
 
 
+def is_mirroring_glass(material: SurfaceMaterial | None) -> bool:
+    """Whether a pane lets straight light through and mirrors light into a room."""
+    return isinstance(material, GlazingMaterial) and material.reflectance > 0
+
+
 def channel_of(reflectance: Reflectance, channel: int) -> float:
     """Reflectance in one colour channel, or of luminance (−1); grey is the same in all."""
     if channel < 0 and isinstance(reflectance, tuple):

@@ -17,13 +17,13 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.model.materials import (
     BsdfMaterial,
     DiffuserMaterial,
-    GlazingMaterial,
     SurfaceMaterial,
 )
 from drcmitsuba.model.model import Layer, ModelShape, areas
 from drcmitsuba.model.notes import Notes
 from drcmitsuba.scene.geometry import normals, points_on
 from drcmitsuba.scene.like_panes import NO_GROUP
+from drcmitsuba.scene.materials import is_mirroring_glass
 from drcmitsuba.scene.meshes import quad_mesh
 from drcmitsuba.scene.mitsuba_scenes import mitsuba_scene
 from drcmitsuba.scene.prepared_case import prepared
@@ -64,8 +64,10 @@ def mirroring_before(case: Case) -> list[str]:
         return []
     names = []
     for layer, kinds in panes:
-        mirrors = any(isinstance(m, GlazingMaterial) and m.reflectance > 0 for m in kinds)
-        if mirrors and np.isfinite(_distance(matt, [layer], CAVITY)).any():
+        if (
+            any(map(is_mirroring_glass, kinds))
+            and np.isfinite(_distance(matt, [layer], CAVITY)).any()
+        ):
             names.append(layer.name)
     return names
 

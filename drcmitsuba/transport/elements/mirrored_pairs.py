@@ -15,12 +15,11 @@ import numpy as np
 from drcmitsuba.model.materials import (
     BsdfMaterial,
     DiffuserMaterial,
-    GlazingMaterial,
     SurfaceMaterial,
 )
 from drcmitsuba.model.model import areas
 from drcmitsuba.scene.geometry import normals
-from drcmitsuba.scene.materials import lets_through
+from drcmitsuba.scene.materials import is_mirroring_glass, lets_through
 from drcmitsuba.scene.panes_in_state import GroupedPanes
 from drcmitsuba.transport.mirrors.mirror_planes import COPLANAR
 
@@ -61,7 +60,7 @@ class MirroredPairs:
                 # An opening has one fill at a time; its shares are those of fills side by side.
                 if mirror.group == lit.group and m != k:
                     continue
-                if mirrors_into_room(glass) and _passes(fill):
+                if is_mirroring_glass(glass) and _passes(fill):
                     pair = first[mirror.group] + m, first[lit.group] + k
                     found[pair] = found.get(pair, 0.0) + size
         mirrors, passed = zip(*sorted(found), strict=True) if found else ((), ())
@@ -103,11 +102,6 @@ def _size(mirror: np.ndarray, lit: np.ndarray) -> float:
     """Areas of panes over the square of the distance of their centres [m²], as light goes."""
     apart = mirror.mean(axis=(0, 1)) - lit.mean(axis=(0, 1))
     return float(areas(mirror).sum() * areas(lit).sum() / max(float(apart @ apart), 1e-6))
-
-
-def mirrors_into_room(fill: SurfaceMaterial | None) -> bool:
-    """Whether an opening with a fill shows the light of others."""
-    return isinstance(fill, GlazingMaterial) and fill.reflectance > 0
 
 
 def _passes(fill: SurfaceMaterial | None) -> bool:

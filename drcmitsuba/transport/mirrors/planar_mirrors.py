@@ -30,6 +30,7 @@ from drcmitsuba.model.model import MOST_OF_BODY, areas, count_planes
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import Surface, is_triangle, normals
+from drcmitsuba.scene.materials import is_mirroring_glass
 from drcmitsuba.scene.scene import Scene, ScenePart
 from drcmitsuba.transport.mirrors.mirror_planes import (
     COPLANAR,
@@ -64,8 +65,8 @@ def is_planar_mirror(part: Surface) -> bool:
     The walls of a room that mirror little are no duct: what they send on in turn is faint.
     """
     m = part.material
-    if isinstance(m, GlazingMaterial):
-        return not part.component and m.reflectance > 0
+    if is_mirroring_glass(m):
+        return not part.component
     return isinstance(m, MirrorMaterial) and m.roughness == 0 and _is_in_few_planes(part)
 
 
@@ -109,7 +110,7 @@ def turns_beyond_mirrors(scene: Scene) -> bool:
     kinds = BsdfMaterial | DielectricMaterial | MirrorMaterial
     return any(
         (isinstance(part.material, kinds) and not (is_planar_mirror(part) or is_rough_mirror(part)))
-        or (isinstance(part.material, GlazingMaterial) and part.component and _shines(part))
+        or (bool(part.component) and is_mirroring_glass(part.material))
         or (isinstance(part.material, DiffuserMaterial) and bool(part.component))
         for part in scene.parts
     )
@@ -137,10 +138,6 @@ def _send_on(one: PlanarMirrors, other: PlanarMirrors) -> bool:
     rho = [max(albedo(m.scene.parts[i].material) for i in m.parts) for m in (one, other)]
     pairs = product(one.rectangles, other.rectangles)
     return prod(rho) > FAINT_TURN and any(face_each_other(a, b) for a, b in pairs)
-
-
-def _shines(part: ScenePart) -> bool:
-    return isinstance(part.material, GlazingMaterial) and part.material.reflectance > 0
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from drcmitsuba.model.materials import (
     MirrorMaterial,
 )
 from drcmitsuba.scene.geometry import Port, normals, reversed_quads
+from drcmitsuba.scene.materials import is_mirroring_glass
 from drcmitsuba.scene.scene import Scene, ScenePart
 from drcmitsuba.transport.mirrors.planar_mirrors import turns_beyond_mirrors
 
@@ -57,7 +58,9 @@ def pane_sides(scene: Scene, *, imaged: bool = False) -> list[Side]:
         m = part.material
         if isinstance(m, GlazingMaterial) and not followed:
             continue
-        if part.component or not (_mirrors(part) or isinstance(m, BsdfMaterial | DiffuserMaterial)):
+        if part.component or not (
+            is_mirroring_glass(m) or isinstance(m, BsdfMaterial | DiffuserMaterial)
+        ):
             continue
         for quad, n in zip(part.quads, normals(part.quads), strict=True):
             # Clear panes without an index mirror to the room only, which is where they face.
@@ -82,15 +85,11 @@ def pane_ports(scene: Scene, *, imaged: bool = False) -> list[Port]:
     return [Port("", side.quad) for side, some in zip(sides, counts, strict=True) if some]
 
 
-def _mirrors(part: ScenePart) -> bool:
-    return isinstance(part.material, GlazingMaterial) and part.material.reflectance > 0
-
-
 def _deviates(part: ScenePart) -> bool:
     """Whether a surface deviates light that a pane has scattered, so that photons count it."""
     diffuses = isinstance(part.material, DiffuserMaterial) and bool(part.component)
     kinds = MirrorMaterial | DielectricMaterial | BsdfMaterial
-    return diffuses or _mirrors(part) or isinstance(part.material, kinds)
+    return diffuses or is_mirroring_glass(part.material) or isinstance(part.material, kinds)
 
 
 def _leading(scene: Scene, deviating: np.ndarray) -> np.ndarray:

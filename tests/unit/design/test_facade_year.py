@@ -138,7 +138,7 @@ def test_glass_of_another_side_mirrors_the_suns_of_tiles():
     alone = evaluate(built.with_tables(effects=Effects(pane_to_pane="off"))).illuminance
     assert E.mean() == pytest.approx(simulated.mean(), rel=0.003)
     assert simulated.mean() > 1.02 * alone["direct_sun"].values.mean()
-    # The side mirrors the light of tiles with glass and with fabric, and tiles with glass its light.
+    # The side mirrors light by glass and fabric of four tiles, and four tiles of glass its light.
     assert len(tiled.channels[0].pairs) == 4 * 2 + 4
 
 
