@@ -33,7 +33,8 @@ class CutTiles:
     """Names of the materials, the columns of a composition."""
     film: str
     quads: np.ndarray
-    """Corners of the tiles, fronts into the room, in the traced frame [m], shape (tile, 4, 3)."""
+    """Corners of a pane of every element, those of the tiles with each of their materials first,
+    fronts into the room, in the traced frame [m], shape (element, 4, 3)."""
     points: np.ndarray
     """Positions of the sensors in the traced frame [m], shape (sensor, 3)."""
     suns: Suns
@@ -49,22 +50,32 @@ class CutTiles:
             Labels of the bins.
         """
         bin_, sensor = np.divmod(pairs.place.numpy().astype(np.int64), pairs.shape[1])
-        tile = pairs.element.numpy() // len(self.materials)
+        element = pairs.element.numpy()
+        tile = element // len(self.materials)
         number = {label: i for i, label in enumerate(self.suns.labels)}
         sun = np.array([number.get(label, -1) for label in labels])[bin_]
-        straight = pairs.mirror.numpy() == NO_MIRROR
-        here = np.flatnonzero((tile < len(self.tiles)) & (sun >= 0) & straight)
-        tile, p, d = tile[here], self.points[sensor[here]], self.suns.directions[sun[here]]
-        n = normals(self.quads)[tile]
-        t = ((self.quads[tile, 0] - p) * n).sum(axis=1) / (d * n).sum(axis=1)
+        here = np.flatnonzero((tile < len(self.tiles)) & (sun >= 0))
+        p = self._seen_from(self.points[sensor[here]], pairs.mirror.numpy()[here])
+        tile, d, quads = tile[here], self.suns.directions[sun[here]], self.quads[element[here]]
+        n = normals(quads)
+        t = ((quads[:, 0] - p) * n).sum(axis=1) / (d * n).sum(axis=1)
         foot, head = self.tiles.bounds[tile, 2:].T
-        height = foot + p[:, 2] + t * d[:, 2] - self.quads[..., 2].min(axis=1)[tile]
+        height = foot + p[:, 2] + t * d[:, 2] - quads[..., 2].min(axis=1)
         half = 0.5 * t * np.radians(self.suns.diameter) / np.hypot(d[:, 0], d[:, 1])
         lower, upper = np.full((2, len(sensor)), np.nan)
         # Of a sun at an edge of the tile, C has what passes within.
         lower[here] = np.clip(height - half, foot, head - THIN)
         upper[here] = np.clip(height + half, lower[here] + THIN, head)
         return replace(pairs, lower=flat(lower), upper=flat(upper))
+
+    def _seen_from(self, p: np.ndarray, mirror: np.ndarray) -> np.ndarray:
+        """Places p (pair, 3) [m], or their images in the panes of elements that mirror light."""
+        out, mirrored = p.copy(), np.flatnonzero(mirror != NO_MIRROR)
+        pane = self.quads[mirror[mirrored]]
+        n = normals(pane)
+        height = ((p[mirrored] - pane[:, 0]) * n).sum(axis=1, keepdims=True)
+        out[mirrored] -= 2 * height * n
+        return out
 
     def spans(self, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper edge of each material in every tile [m], shape (tile, material); 0 where

@@ -96,8 +96,8 @@ class TiledLight:
     openings: LitOpenings | None = None
     """Openings that the light was traced by, and the eyes; None where no glare is asked for."""
     quads: np.ndarray | None = None
-    """Corners of the searched tiles, fronts into the room, in the traced frame [m], shape
-    (tile, 4, 3); None of a model."""
+    """Corners of a pane of every element, fronts into the room, in the traced frame [m], shape
+    (element, 4, 3); None of a model."""
 
     @classmethod
     def of(
@@ -134,7 +134,7 @@ class TiledLight:
             groups=groups,
             group=None if groups is None else group_of_elements(elements, places),
             openings=openings,
-            quads=np.array([quads[tile] for tile in range(tiles)]),
+            quads=np.array([quads[g] for g, names in enumerate(tiled.fills) for _ in names]),
         )
 
     def eyes(self, daylight: Daylight, stage: Stage) -> TracedEyes | None:

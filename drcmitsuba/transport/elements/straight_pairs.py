@@ -93,13 +93,14 @@ class StraightPairs:
         shares : mi.Float, shape (element,)
             Shares of all elements, which are those of other pairs.
         """
-        mixed = dr.gather(mi.Float, shares, self.element) * self._share_of_mirror(shares)
+        mixed, mirrored = dr.gather(mi.Float, shares, self.element), self._share_of_mirror(shares)
         if self.lower is None or self.upper is None or not dr.width(self.element):
-            return mixed
+            return mixed * mirrored
         known = dr.isfinite(self.lower)
         bottom = dr.maximum(dr.gather(mi.Float, low, self.element, known), self.lower)
         top = dr.minimum(dr.gather(mi.Float, high, self.element, known), self.upper)
-        return dr.select(known, dr.clip((top - bottom) / (self.upper - self.lower), 0, 1), mixed)
+        part = dr.clip((top - bottom) / (self.upper - self.lower), 0, 1)
+        return dr.select(known, part, mixed) * mirrored
 
     def _share_of_mirror(self, shares: mi.Float) -> mi.Float:
         """Share of the element that mirrors each pair's light; 1 where none does."""

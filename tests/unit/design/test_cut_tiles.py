@@ -11,6 +11,7 @@ from drcmitsuba.runtime import backend
 from tests.tiled_room import MATERIALS, PLAIN, room
 
 DESIGN = {"side": "south", "film": "fabric", "clear": "glass", "rows": 2, "segments": 2}
+SHINY = {"type": "glazing", "transmittance": 0.3, "reflectance": 0.6}
 FEW = {
     "paths": 16,
     "sensor_sky_rays": 16,
@@ -26,9 +27,9 @@ def _backend():
 
 
 def layout(**changes):
-    """Two rows of two tiles, sensors all over the floor; no pane mirrors suns, as in sums."""
+    """Two rows of two tiles, sensors all over the floor; tiles mirror no suns."""
     sensors = {"corner": [0.0, 0.0, 0.4], "count": [8, 10], "spacing": 0.5}
-    dull = {**MATERIALS, "glass": {**MATERIALS["glass"], "reflectance": 0.0}}
+    dull = {**MATERIALS, "glass": {**MATERIALS["glass"], "reflectance": 0.0}, "shiny": SHINY}
     tables = {"design": DESIGN, "accuracy": FEW, "sensors": sensors, "materials": dull}
     return Layout.of(room(PLAIN, **tables | changes))
 
@@ -51,6 +52,16 @@ def mixed(year, seed):
                 "facade": {"south": {"segments": 2, "strips": PLAIN}, "west": {"strips": PLAIN}},
             },
             id="turned, two sides", marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            {
+                "facade": {
+                    "south": {"segments": 2, "strips": PLAIN},
+                    "east": {"strips": [{"bottom": 0.4, "top": 2.9, "material": "shiny"}]},
+                },
+                "period": {"months": [1], "hours": [9, 16]},
+            },
+            id="beside a mirroring side",
         ),
     ],
 )  # fmt: skip
