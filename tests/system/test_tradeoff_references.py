@@ -13,11 +13,12 @@ from drcmitsuba.annual.tradeoff.path_tracing import trace_reference
 from drcmitsuba.annual.tradeoff.reference import number_of, rule_of, some_hours
 from drcmitsuba.annual.tradeoff.run import evaluate_setting
 from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky.daylight import daylight
 from tests.system.every_room import BOXES, MODELS, write_models
 
 CASES = BOXES | MODELS
-SECONDS = 25.0
+SECONDS = 60.0
 
 
 def case_of(folder, name):
@@ -52,6 +53,12 @@ def test_references_are_evaluations_without_their_errors(tmp_path, name):
     assert errors.rms < 1.5 * stated + 2 * errors.rms_error
     assert abs(errors.mean.value) < 4 * errors.mean.error + stated
     assert errors.shade.value == 0
+
+
+def test_a_reference_that_leaves_no_time_says_how_much_it_takes(tmp_path):
+    case = case_of(tmp_path, "component")
+    with pytest.raises(InputError, match=r"minutes: the reference alone takes about \d+ min; give"):
+        sample_reference(case, daylight(case).sky["time"].values[:1], time.monotonic() + 0.01)
 
 
 def test_states_have_numbers(tmp_path):

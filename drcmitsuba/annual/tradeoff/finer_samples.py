@@ -8,6 +8,7 @@ default, and light between surfaces follows paths: what is shared is the method,
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import replace
 
@@ -27,6 +28,7 @@ from drcmitsuba.annual.tradeoff.settings import default, times_samples
 from drcmitsuba.case.case import Case
 from drcmitsuba.model.materials import Lambertian
 from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.components import place
 from drcmitsuba.sky.daylight import Daylight, daylight
 
@@ -38,6 +40,8 @@ SUBDIVISION = 2
 """Reinhart's factor of the sky."""
 CELLS = 0.3
 """Edge of the cells [m]; less in small rooms."""
+LONGER = 1.5
+"""Largest time that four rounds take, over the time that is left to the reference [–]."""
 SEEDS, MOST_SEED = 1009, 1 << 30
 """Distance of the rounds' seeds, and the end of their range."""
 
@@ -51,7 +55,12 @@ def is_called_for(case: Case) -> bool:
 def sample_reference(case: Case, times: np.ndarray, until: float) -> Reference:
     """Evaluate the reference at `times` (time,), in rounds until a time by `time.monotonic` [s].
 
-    Four rounds are evaluated in any case.
+    Four rounds are evaluated, even if they take up to half as long again.
+
+    Raises
+    ------
+    InputError
+        The first round tells that they take longer.
     """
     start = time.monotonic()
     backend.select()
@@ -66,6 +75,10 @@ def sample_reference(case: Case, times: np.ndarray, until: float) -> Reference:
         state = number_of_states(case, E)
         rounds.append((total[:, sensors], is_open[:, sensors], direct, state))
         done, pace = len(rounds), time.monotonic() - begin
+        if done == 1 and FEWEST_ROUNDS * pace > LONGER * (until - start):
+            took = math.ceil(FEWEST_ROUNDS * pace / 60)
+            got = f"the reference alone takes about {took} min"
+            raise InputError("tradeoff", "minutes", got, f"give --minutes {2 * took} or more")
         if done < FEWEST_ROUNDS:
             continue
         enough = done % FEWEST_ROUNDS == 0 and spread([E for _, E, *_ in rounds]) < ENOUGH
