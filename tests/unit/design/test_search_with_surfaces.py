@@ -35,6 +35,7 @@ def searched(tmp_path, **design):
     return one.with_tables(materials=materials, design=Design(film="dim", **design))
 
 
+@pytest.mark.slow
 def test_every_state_has_its_surfaces(tmp_path):
     one = searched(tmp_path)
     layout = ModelLayout.of(one)
