@@ -70,7 +70,7 @@ def twin(
         Name of the primitive, an `identifier`.
     material : SurfaceMaterial
     quads : np.ndarray, shape (quad, 4, 3)
-        Corners of its surface [m]; a measured pane's orientation follows from the first.
+        Corners of its surface [m]; of a measured pane, all level or none, see `are_level`.
     file : str or Path
         BSDF file of a measured pane, as Radiance finds it.
     clockwise : float
@@ -147,6 +147,11 @@ def _diffuser(modifier: str, material: DiffuserMaterial) -> RadianceTwin:
     return RadianceTwin(text, "; ".join(differs))
 
 
+def are_level(quads: np.ndarray) -> np.ndarray:
+    """Whether quads (quad, 4, 3) are horizontal, bool, shape (quad,)."""
+    return np.asarray(abs(normals(quads)[:, 2]) > 1 - 1e-8)
+
+
 def _film(
     modifier: str, material: BsdfMaterial, quads: np.ndarray, file: str | Path, clockwise: float
 ) -> str:
@@ -155,8 +160,7 @@ def _film(
     `aBSDF` for a file with a straight-through peak, else `BSDF` without thickness. On a horizontal
     pane the file's y axis is the room's.
     """
-    is_flat = abs(normals(quads[:1])[0, 2]) > 1 - 1e-8
-    up = turn(clockwise) @ (0, 1, 0) if is_flat else np.array([0, 0, 1])
+    up = turn(clockwise) @ (0, 1, 0) if are_level(quads[:1])[0] else np.array([0, 0, 1])
     up = up * (-1 if material.turn else 1)
     if lets_through(material):
         return f'void aBSDF {modifier} 5 "{file}" {_numbers(up)} . 0 0'

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from drcmitsuba.export.primitives import identifier, polygons, twin
+from drcmitsuba.export.primitives import are_level, identifier, polygons, twin
 from drcmitsuba.model.materials import BsdfMaterial, MirrorMaterial
 from drcmitsuba.scene.geometry import Surface
 
@@ -32,12 +32,12 @@ class SceneFiles:
 def scene_files(surfaces: Sequence[Surface], clockwise: float = 0.0) -> SceneFiles:
     """Write surfaces as materials and polygons of Radiance.
 
-    The modifier of surface i is its name with `.i` behind it. Horizontal films are turned
+    The modifier of part i is its surface's name with `.i` behind it. Horizontal films are turned
     `clockwise` with the room [deg].
     """
     materials, shapes, differences = [], [], []
     films: dict[Path, str] = {}
-    for i, surface in enumerate(surfaces):
+    for i, surface in enumerate(part for each in surfaces for part in _oriented(each)):
         material, modifier = surface.material, f"{identifier(surface.name)}.{i}"
         file = ""
         if isinstance(material, BsdfMaterial):
@@ -51,6 +51,14 @@ def scene_files(surfaces: Sequence[Surface], clockwise: float = 0.0) -> SceneFil
         shapes += polygons(modifier, material, surface.quads)
     remarks = tuple(d for d in dict.fromkeys(differences) if d)
     return SceneFiles(_lines(materials), _lines(shapes), films, remarks)
+
+
+def _oriented(surface: Surface) -> list[Surface]:
+    """Parts of a surface with one primitive each: level measured panes have another `up`."""
+    if not isinstance(surface.material, BsdfMaterial):
+        return [surface]
+    level, quads = are_level(surface.quads), surface.quads
+    return [replace(surface, quads=quads[some]) for some in (~level, level) if some.any()]
 
 
 def _lines(lines: list[str]) -> str:

@@ -122,6 +122,17 @@ def test_polygons_come_back_with_their_fronts():
         assert len(corners) == len(np.unique(quad, axis=0))
 
 
+def test_level_and_upright_panes_of_one_film_stand_apart():
+    """Radiance takes no light by a pane whose `up` is its normal."""
+    film = BsdfMaterial(type="bsdf", file=PRISM, straight_through="off")
+    scene = scene_files([Surface("panes", film, np.concatenate([FLAT, UPRIGHT, FLAT + 1]))])
+    upright, level = primitives(scene.materials)
+    assert (upright.words[2:5], level.words[2:5]) == (["0", "0", "1"], ["0", "1", "0"])
+    of_panes = [one.modifier for one in primitives(scene.polygons)]
+    assert of_panes == [upright.name, level.name, level.name]
+    assert scene.films == {PRISM: "film_1.xml"}
+
+
 def test_a_flipped_film_shows_its_other_side_and_an_edge_is_left_out():
     film = BsdfMaterial(type="bsdf", file=PRISM, flip=True)
     edge = np.repeat(UPRIGHT[:, :2], 2, axis=1)
