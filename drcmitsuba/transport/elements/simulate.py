@@ -212,10 +212,10 @@ def _sizes(trace: ElementTrace, kept: int) -> list[int]:
 
 def _within_memory(trace: ElementTrace, kept: int, most_bytes: int) -> ElementTrace:
     """Trace with as many pairs as memory holds."""
-    without = sum(_sizes(trace.with_pairs(0), kept))
-    of_pairs = sum(_sizes(trace, kept)) - without
-    left = max(0, most_bytes - without)
-    return trace if of_pairs <= left else trace.with_pairs(left * len(trace.pairs) // of_pairs)
+    most = len(trace.pairs)
+    while most and sum(_sizes(trace.with_pairs(most), kept)) > most_bytes:
+        most -= 1
+    return trace.with_pairs(most)
 
 
 def _check_size(
