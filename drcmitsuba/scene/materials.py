@@ -110,7 +110,7 @@ def ends_paths(material: SurfaceMaterial) -> bool:
 
 
 def is_mirroring_glass(material: SurfaceMaterial | None) -> bool:
-    """Whether a pane lets straight light through and mirrors light into a room."""
+    """Whether a pane is of clear glass that mirrors light into a room."""
     return isinstance(material, GlazingMaterial) and material.reflectance > 0
 
 
