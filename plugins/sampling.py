@@ -230,8 +230,11 @@ def pane_to_local(w, axes):
 
 
 def _computed(scene, ray, active):
-    """Surface that Mitsuba computes."""
-    return scene.ray_intersect(ray, mi.RayFlags.Minimal, coherent=False, active=active)
+    """Surface that Mitsuba computes, with its frame."""
+    si = scene.ray_intersect(ray, mi.RayFlags.Minimal, coherent=False, active=active)
+    si.sh_frame = mi.Frame3f(si.n)
+    si.wi = si.to_local(-ray.d)
+    return si
 
 
 @symbolic
@@ -249,8 +252,8 @@ def transmittance(scene, ray, active, intersect=None):
     active : mi.Bool
         Lanes that count.
     intersect : callable, optional
-        Gives the surface of a scene that active rays meet, with its normal and its mesh; by default
-        Mitsuba computes it.
+        Gives the surface of a scene that active rays meet, with its mesh, its frame and `wi`; by
+        default Mitsuba computes it.
 
     Returns
     -------
@@ -264,8 +267,6 @@ def transmittance(scene, ray, active, intersect=None):
     while dr.hint(active, exclude=[intersect]):
         si = intersect(scene, ray, active)
         active &= si.is_valid()
-        si.sh_frame = mi.Frame3f(si.n)
-        si.wi = si.to_local(-ray.d)
         bsdf = si.bsdf()
         clear = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Null)
         through = dr.select(clear, bsdf.eval_null_transmission(si, active)[0], 0)

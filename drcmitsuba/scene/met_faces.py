@@ -6,7 +6,9 @@ records: 17 ms with 200 meshes, where a look-up takes 0.1 ms.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import is_
 
 import drjit as dr
 import mitsuba as mi
@@ -19,6 +21,7 @@ from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 class MetFaces:
     """Normals of the faces of some scenes' meshes, as kernels read them."""
 
+    scenes: tuple[mi.Scene, ...]
     first: mi.UInt32
     """Number of a mesh's first face, by the number of the mesh in Dr.Jit's registry."""
     normal: mi.Float
@@ -27,13 +30,18 @@ class MetFaces:
     @classmethod
     def of(cls, *scenes: mi.Scene) -> MetFaces:
         """Collect the faces of all meshes of scenes."""
-        meshes = [mesh for scene in scenes for mesh in scene.shapes()]
-        every = [dr.reinterpret_array(mi.UInt32, scene.shapes_dr()).numpy() for scene in scenes]
-        numbers = np.concatenate(every).astype(int)
-        normals = [*map(_normals, meshes), np.zeros((1, 3))]
-        first = np.zeros(numbers.max(initial=0) + 1, np.uint32)
-        first[numbers] = np.cumsum([0, *map(len, normals[:-1])])[:-1]
-        return cls(flat_indices(first), flat(np.concatenate(normals)))
+        meshes: dict[int, mi.Mesh] = {}  # scenes have meshes in common
+        for scene in scenes:
+            numbers = dr.reinterpret_array(mi.UInt32, scene.shapes_dr()).numpy().tolist()
+            meshes |= dict(zip(numbers, scene.shapes(), strict=True))
+        normals = [*map(_normals, meshes.values()), np.zeros((1, 3))]
+        first = np.zeros(max(meshes, default=0) + 1, np.uint32)
+        first[list(meshes)] = np.cumsum([0, *map(len, normals[:-1])])[:-1]
+        return cls(scenes, flat_indices(first), flat(np.concatenate(normals)))
+
+    def are_of(self, scenes: Sequence[mi.Scene]) -> bool:
+        """Whether these are the faces of just these scenes."""
+        return len(scenes) == len(self.scenes) and all(map(is_, scenes, self.scenes))
 
     def intersect(self, scene: mi.Scene, ray: mi.Ray3f, active: mi.Bool) -> mi.SurfaceInteraction3f:
         """Surface of one of the scenes that active rays meet first."""

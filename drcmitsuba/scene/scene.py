@@ -90,13 +90,20 @@ class Scene:
     """Angle of the room in the world [deg], by which horizontal films are turned."""
     ray_counter: RayCounter = field(default_factory=RayCounter)
     """Number of rays traced."""
-    met_faces: MetFaces = field(init=False, repr=False, compare=False)
-    """Faces of `full` and `apart`, which are looked up where rays meet them."""
+    _met_faces: MetFaces | None = field(default=None, repr=False, compare=False)
+    """See `met_faces`; a copy with the same surfaces has the same."""
 
     def __post_init__(self) -> None:
         """Collect the faces, which cannot be done within a loop that is being recorded."""
-        every = (self.full,) if self.apart is None else (self.full, self.apart)
-        object.__setattr__(self, "met_faces", MetFaces.of(*every))
+        every = [each for each in (self.full, self.clear, self.apart) if each is not None]
+        if self._met_faces is None or not self._met_faces.are_of(every):
+            object.__setattr__(self, "_met_faces", MetFaces.of(*every))
+
+    @property
+    def met_faces(self) -> MetFaces:
+        """Faces of `full`, `clear` and `apart`, which are looked up where rays meet them."""
+        assert self._met_faces is not None
+        return self._met_faces
 
     @property
     def scattering(self) -> tuple[ScenePart, ...]:

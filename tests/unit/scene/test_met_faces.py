@@ -73,6 +73,8 @@ def test_a_look_up_gives_what_mitsuba_computes(variant, rng, scenes, which):
 def test_rays_that_do_not_count_meet_nothing(variant, rng, scenes):
     si = MetFaces.of(*scenes).intersect(scenes[0], rays(rng), mi.Bool(False))
     assert not si.is_valid().numpy().any()
+    assert (np.array(si.p) == 0).all()
+    assert (si.prim_index.numpy() == 0).all()
 
 
 def test_a_scene_without_meshes_has_no_faces(variant):
