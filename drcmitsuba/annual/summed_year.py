@@ -138,7 +138,7 @@ class Opened(NamedTuple):
         `eyes` are as for `plan`.
         """
         planned, panes = plan(case, light, eyes), openings_of(case, fills)
-        scope = effects_of(panes, planned.scope, case.effects)
+        scope = effects_of(panes, planned.scope, case)
         return cls(panes, replace(planned, scope=scope), replace(run, enabled_effects=scope))
 
 

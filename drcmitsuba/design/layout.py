@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from typing import Any, cast
 
@@ -33,6 +33,7 @@ from drcmitsuba.plan import plan
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.runtime.toml import Side, shortened
+from drcmitsuba.scene.fills import effects_of
 from drcmitsuba.scene.prepared_case import prepared
 from drcmitsuba.scene.tiled_facades import TiledFacades, refuse_structures_in_strips
 from drcmitsuba.sky.daylight import Daylight
@@ -188,12 +189,11 @@ class Layout:
             asked_of(case, daylight)  # refused before any light is traced
         fills = ("wall", self.clear, self.film)
         tiled = TiledFacades.of_grid(case, self.side, heights, self.segments, fills)
-        effects = plan(case, daylight).of_any_facade
+        effects = effects_of(tiled.panes, plan(case, daylight).of_any_facade, tiled.case)
         groups = groups_of(tiled, case, daylight.sky["time"])  # refused likewise
-        mirrors = replace(effects, pane_to_pane=True)  # where tiles may face other panes
         with stage("light by tile") as done:
             channels = light_of_channels(
-                tiled.case, tiled.panes, daylight.suns, case.accuracy, mirrors, done, kept
+                tiled.case, tiled.panes, daylight.suns, case.accuracy, effects, done, kept
             )
         tiles, openings = self.segments * (len(heights) - 1), None
         if eyes is not None:

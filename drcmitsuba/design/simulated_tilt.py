@@ -55,9 +55,7 @@ def simulated_tilt(
         yield part(progress, 0, last) if name == "open façade" else part(progress, last, 1)
 
     needed = None if groups is None else partial(_needed, case, daylight, groups)
-    planned = plan(case, daylight)
-    effects = replace(planned.of_any_facade, pane_to_pane=planned.scope.pane_to_pane)
-    run = replace(Run.of(case, effects), stage=stage)
+    run = replace(Run.of(case, plan(case, daylight).of_any_facade), stage=stage)
     coefficients, direct, *_ = simulation.simulate(case, daylight, run, needed=needed)
     judged = evaluate_metrics(case, daylight, coefficients, direct)
     year = by_luminance(judged.illuminance)

@@ -55,7 +55,10 @@ class Plan:
     @property
     def of_any_facade(self) -> EnabledEffects:
         """Effects of a search, which simulates whatever its façades may call for."""
-        return replace(ALL_EFFECTS, solved_cells=self.scope.solved_cells)
+        planned = self.scope
+        return replace(
+            ALL_EFFECTS, solved_cells=planned.solved_cells, pane_to_pane=planned.pane_to_pane
+        )
 
     def summed(self, *, always: bool = False) -> Plan:
         """Say what is left out of a year whose E is a sum over groups of panes.

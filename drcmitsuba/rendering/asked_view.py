@@ -27,7 +27,7 @@ def effects_of_view(facade: ViewFacade, fills: Fills, pixels: int) -> EnabledEff
     planned = plan(case, daylight(case))
     scope = planned.scope
     if fills and facade.panes is not None:
-        scope = effects_of(facade.panes, scope, case.effects)
+        scope = effects_of(facade.panes, scope, case)
     solved = reflected.solved_cells(planned.facts, scope.depth, pixels)
     solved = solved.decided("solved_cells", case.effects.solved_cells)
     channels = False if case.colour.wavelengths else scope.channels  # bands have the colour

@@ -11,8 +11,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.effects import Effects
 from drcmitsuba.case.groups import OPEN, OTHERS, RESERVED, GroupStates
+from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.model.materials import (
     BsdfMaterial,
     DiffuserMaterial,
@@ -134,29 +134,32 @@ def names_of(case: Case, openings: PaneGroups) -> dict[str, tuple[str, ...]]:
     return {opening: (first, *further) for opening, first, (_, *further) in every}
 
 
-def effects_of(openings: PaneGroups, scope: EnabledEffects, chosen: Effects) -> EnabledEffects:
-    """Effects of a case, with those that its further fills call for.
+def effects_of(openings: PaneGroups, scope: EnabledEffects, case: Case) -> EnabledEffects:
+    """Effects of a case, with those that the fills of its openings call for.
 
     Parameters
     ----------
     openings : PaneGroups
     scope : EnabledEffects
         Effects that the case as drawn calls for.
-    chosen : Effects
-        The user's choices, of which "off" holds for fills, too.
+    case : Case
+        Its choice of an effect, "off", holds for fills, too.
     """
+    chosen = case.effects
     fills = [material for of_group in openings.materials for material in of_group]
 
     def calls(name: str, kind: Callable[[SurfaceMaterial | None], bool]) -> bool:
         return getattr(scope, name) or (getattr(chosen, name) != "off" and any(map(kind, fills)))
 
+    sides = {side for facings in openings.facings for side in facings}
+    has_across = len(sides) + bool(case.standing) > 1 and not isinstance(case.sun, Adaptive)
     depth = scope.depth if chosen.interreflection == "off" or not fills else None
     return replace(
         scope,
         clear_panes=calls("clear_panes", lambda m: m is None or isinstance(m, GlazingMaterial)),
         scattering_panes=calls("scattering_panes", lambda m: isinstance(m, DiffuserMaterial)),
         films=calls("films", lambda m: isinstance(m, BsdfMaterial)),
-        pane_to_pane=calls("pane_to_pane", is_mirroring_glass),
+        pane_to_pane=calls("pane_to_pane", lambda m: has_across and is_mirroring_glass(m)),
         depth=depth,
     )
 
