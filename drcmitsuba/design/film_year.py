@@ -42,7 +42,8 @@ from drcmitsuba.sky.daylight import daylight as daylight_of
 from drcmitsuba.sky.luminances import luminances
 from drcmitsuba.transport.coefficients import estimate
 from drcmitsuba.transport.deposit import Deposit
-from drcmitsuba.transport.films.films import Films
+from drcmitsuba.transport.films.films import EvenRows, Films
+from drcmitsuba.transport.films.looks import Looked
 from drcmitsuba.transport.films.orientation import Mount
 from drcmitsuba.transport.light.irradiance import Irradiance
 from drcmitsuba.transport.panes.patches import PanePatches
@@ -57,7 +58,8 @@ CELL = "film_{:04d}"
 class CellDeposit(Deposit):
     """Deposit whose bins are sky patches, then a film's outgoing cells, then suns.
 
-    The patches of the film take the place of `films`; `depth` is that of the outgoing cells.
+    The film's cells take the place of what passes it; `films` reflect light that reaches the film
+    from the room, None where none does. `depth` is that of the outgoing cells.
     """
 
     film: PanePatches = field(kw_only=True)
@@ -82,23 +84,40 @@ class CellDeposit(Deposit):
     def by_films(
         self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None = None,
         within: Within = None,
+    ) -> Irradiance | None:  # fmt: skip
+        """D by what the film reflects, and irradiance per radiance of its cells [sr]."""
+        if self.on_films is not None:
+            return super().by_films(p, n, key, numbers, within)  # by way of `by_looked`
+        cells = self._by_cells(p, n, key, numbers, within)
+        sky, sun = (dr.zeros(mi.TensorXf, (cells.shape[0], bins)) for bins in super().bins)
+        return Irradiance(dr.concat((sky, cells), axis=1), sun)
+
+    def by_looked(
+        self, looked: Looked, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None,
+        among: np.ndarray | None = None, without: tuple[EvenRows, ...] = (),
     ) -> Irradiance:  # fmt: skip
-        """Irradiance per radiance of the film's cells into which the receivers look [sr]."""
-        count, (first, suns) = dr.width(p) // 3, super().bins
-        columns = dr.opaque(mi.UInt32, sum(self.bins) - suns)
-        out = dr.zeros(mi.Float64, count * (sum(self.bins) - suns))
+        """D by directions to a film that reflects, with its cells as `by_films`."""
+        sky, sun = super().by_looked(looked, p, n, key, numbers, among, without)
+        cells = self._by_cells(p, n, key, numbers, None)
+        return Irradiance(dr.concat((sky, cells), axis=1), sun)
+
+    def _by_cells(
+        self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None, within: Within
+    ) -> mi.TensorXf:
+        """Projected solid angle [sr] of the film's cells for receivers, shape (receiver, cell)."""
+        count, columns = dr.width(p) // 3, 1 << 2 * self.depth
+        out = dr.zeros(mi.Float64, count * columns)
         for look in looks(
             self.scene, self.film, p, n,
             rays=self.accuracy.pane_points, seed=self.seed(key, Draw.FILMS),
             numbers=numbers, within=within,
         ):  # fmt: skip
             cell = square_code(self.mount.turn.to_local(-look.d).xy, self.depth)
-            at = look.row * columns + first + cell
+            at = look.row * dr.opaque(mi.UInt32, columns) + cell
             D = mi.Float64(dr.pi * look.weight)
             dr.scatter_add(out, D, at, (look.weight > 0) & look.front)
             dr.eval(out)
-        sky = mi.TensorXf(mi.Float(out), (count, sum(self.bins) - suns))
-        return Irradiance(sky, dr.zeros(mi.TensorXf, (count, suns)))
+        return mi.TensorXf(mi.Float(out), (count, columns))
 
 
 def _refuse_components(case: Case) -> None:
@@ -115,9 +134,8 @@ def _mount(case: Case, films: Films | None) -> Mount:
         got = f"{len(mounts)} films or orientations of films"
         remedy = 'give strips of one material of type "bsdf" on one side'
         raise InputError(case.source, "facade", got, remedy)
-    if not mounts[0].exposed:
-        got = "a film that other things shade or light from the room reaches"
-        remedy = "leave other façades without openings, and nothing before this one"
+    if len(mounts[0].sides) > 1:
+        got, remedy = "a film that other things shade", "leave nothing behind its plane"
         raise InputError(case.source, "facade", got, remedy)
     if mounts[0].bsdf.has_view:
         got, remedy = "a film with a view straight through", 'set straight_through = "off"'
@@ -149,8 +167,8 @@ class FilmYear:
     Every film reflects light into the room as the case's film does. Other panes, the frame and all
     reflectances are fixed. The shade does not cover films; `state="shaded"` gives the year with the
     shade closed, or all groups of panes in their last state. Limits: one film in one orientation
-    that nothing shades; grey rooms; no components. True suns take the place of an
-    adaptive one.
+    that nothing shades; grey rooms; no components; no light that one pane mirrors to another. True
+    suns take the place of an adaptive one.
     """
 
     bins: FilmBins
@@ -200,16 +218,19 @@ class FilmYear:
         daylight = daylight_of(case) if daylight is None else daylight
         if daylight.sky.attrs["sun_model"] == "adaptive":
             raise InputError("film year", "daylight", "that of an adaptive sun", "leave it out")
-        effects, suns = plan(case, daylight).of_any_facade, daylight.suns
+        planned, suns = plan(case, daylight).of_any_facade, daylight.suns
+        # Photons from pane to pane would count what the film sends a second time.
+        effects = replace(planned, pane_to_pane=False)
         world, subdivision = scene.load(case, state, effects=effects), case.sky.subdivision
         size = 2 * case.accuracy.cell_size
         films = Films.of(world, size, suns.directions, suns.diameter)
         mount = _mount(case, films)
         assert films is not None
+        reflecting = None if mount.exposed else films.only_reflecting()
         panes = [panes.quads for panes in world.scattering]
         base = CellDeposit(
             world, suns.directions, suns.diameter, subdivision, case.accuracy,
-            PanePatches.of(panes, size) if panes else None,
+            PanePatches.of(panes, size) if panes else None, reflecting,
             film=films.patches, mount=mount, depth=depth,
         )  # fmt: skip
         cells = [CELL.format(i) for i in range(1 << 2 * depth)]

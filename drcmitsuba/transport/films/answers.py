@@ -86,7 +86,7 @@ class EvenAnswer(NamedTuple):
         row, column = row_and_column(dr.arange(mi.UInt32, mount.rows * cells), cells)
         si = mount.interaction(mount.outgoing(row, mi.Point2f(0.5)))
         d = dr.gather(mi.Vector3f, parts.d, column)
-        f = mount.bsdf.eval(mi.BSDFContext(), si, d)[0] / dr.maximum(dr.abs(d.z), 1e-30)
+        f = mount.bsdf.eval(mount.context, si, d)[0] / dr.maximum(dr.abs(d.z), 1e-30)
         dr.eval(f)
         return cls(mi.TensorXf(f, (mount.rows, cells)), parts)
 
@@ -232,7 +232,7 @@ def sampled_answer(mount: Mount, suns: np.ndarray, diameter: float, seed: int) -
     The answer is flat, (row, sun).
     """
     out = dr.zeros(mi.Float, mount.rows * len(suns))
-    directions, ctx = flat(suns), mi.BSDFContext()
+    directions, ctx = flat(suns), mount.context
     places = mi.UInt32(sun_numbers(suns))
     for start in range(0, dr.width(out), SHADOW_RAYS):
         lane = dr.arange(mi.UInt32, min(SHADOW_RAYS, dr.width(out) - start))
@@ -293,16 +293,12 @@ def _from_sky(
 ) -> tuple[mi.Vector3f, mi.Float]:  # fmt: skip
     """Directions to the sky whose light leaves a patch in the rows' cells, and weights."""
     si = mount.interaction(mount.outgoing(row, even_numbers(index, row, seed, 1)))
-    ctx = mi.BSDFContext()
-    ctx.type_mask = +mi.BSDFFlags.GlossyTransmission
-    if not mount.exposed:
-        ctx.type_mask = ctx.type_mask | +mi.BSDFFlags.GlossyReflection
     lobe, a, b = (
         mi.Float(v >> 8) * TO_UNIT
         for v in (*random_bits(row, seed, index), random_bits(row, seed + 1, index)[0])
     )
     lobe = (mi.Float(index) + lobe) / mi.Float(samples)  # spread evenly over the lobes
-    bs, value = mount.bsdf.sample(ctx, si, lobe, even_numbers(index, row, seed, 0))
+    bs, value = mount.bsdf.sample(mount.context, si, lobe, even_numbers(index, row, seed, 0))
     d, weight = mount.turn.to_world(bs.wo), value[0]
     wanted = scene.effects.shines(d)
     if mount.exposed:

@@ -50,6 +50,8 @@ from drcmitsuba.transport.rays.openings import Within
 MOST_ROWS = 1 << 18
 """Largest number of outgoing cells of all patches that are narrow: a row of the table of the sky
 each."""
+LEAST_DIRECTIONS = 1 << 11
+"""Least number of directions to the sky from a patch: a film that scatters evenly is one cell."""
 NEAR = 3.0
 """Distance from a film's plane within which surfaces that shade it ask for narrow patches [m]."""
 FEW_ROWS = 48
@@ -119,6 +121,10 @@ class Films:
         lit = np.flatnonzero(shining)
         return replace(self, suns=lit, directions=suns[lit], diameter=diameter)
 
+    def only_reflecting(self) -> Films:
+        """Return the same films, through which no light passes."""
+        return replace(self, mounts=tuple(replace(m, only_reflects=True) for m in self.mounts))
+
     @cached_property
     def even_answers(self) -> tuple[EvenAnswer | None, ...]:
         """Answers of the mounts that are the same in all replicates."""
@@ -172,7 +178,7 @@ class Films:
     def answer_to_sky(self, subdivision: int | None, samples: int, seed: int) -> mi.TensorXf:
         """Estimate `LitFilms.to_sky`, shape (row, bin), by `samples` directions for every cell.
 
-        Narrower patches share the directions of a wide one.
+        Narrower patches share the directions of a wide one; a film of few cells takes more.
         """
         first = self.first_sky_rows()
         if not subdivision:
@@ -180,7 +186,8 @@ class Films:
         tables = []
         for patch in np.unique(first[:-1], return_index=True)[1]:
             owner, key = self.patches.owner[patch], seed + 7919 * int(patch)
-            own = max(1, samples // self.fineness[owner] ** 2)
+            least = -(-LEAST_DIRECTIONS // self.mounts[owner].rows)
+            own = max(least, samples // self.fineness[owner] ** 2)
             of_patch = self.patches, self.mounts[owner], int(patch)
             tables.append(sky_answer(self.scene, *of_patch, subdivision, own, key))
         return mi.TensorXf(dr.concat(tables), (int(first[-1]), len(Patches(subdivision))))

@@ -31,11 +31,21 @@ class Mount:
     the film has the same view."""
     sides: tuple[int, ...]
     """Faces that receivers may see: 1 front, −1 back."""
+    only_reflects: bool = False
+    """Whether light that passes the film is left out."""
 
     @property
     def rows(self) -> int:
         """Number of outgoing cells of all sides."""
         return len(self.sides) * self.bsdf.out_cells
+
+    @property
+    def context(self) -> mi.BSDFContext:
+        """Lobes by which light reaches receivers, without the view straight through."""
+        through, back = +mi.BSDFFlags.GlossyTransmission, +mi.BSDFFlags.GlossyReflection
+        ctx = mi.BSDFContext()
+        ctx.type_mask = through if self.exposed else back if self.only_reflects else through | back
+        return ctx
 
     @property
     def cell_size(self) -> np.ndarray:
