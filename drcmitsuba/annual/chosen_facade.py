@@ -151,6 +151,8 @@ class ChosenFacade:
         for name in ("groups", "schedule", "shade_threshold", "shade_area"):
             marked.pop(name, None)
         marked["has_shade"] = int(bool(moving.groups))
+        if pairs := channels[0].pairs.left_out:
+            marked["pairs_left_out"] = pairs
         if moving.groups:
             threshold, area = case.shade_rule
             marked |= {"shade_threshold": threshold, "shade_area": area}

@@ -16,7 +16,7 @@ import xarray as xr
 from drcmitsuba.annual.attributes import settings
 from drcmitsuba.annual.run import Run
 from drcmitsuba.case.case import Case
-from drcmitsuba.plan import Plan, photon_notes
+from drcmitsuba.plan import Plan, light_notes
 from drcmitsuba.plan.forecast import Forecast
 from drcmitsuba.runtime import backend, storage
 from drcmitsuba.runtime.background import beside
@@ -191,7 +191,7 @@ def with_record(
     """
     case, light = planned.facts.case, planned.facts.light
     damaged = [] if run.blocks is None else run.blocks.notes
-    every = (light.notes, remarks, planned.notes(), photon_notes(attributes), damaged)
+    every = (light.notes, remarks, planned.notes(), light_notes(attributes), damaged)
     known = attributes.get("settings")
     origin = (json.loads(known) if known else settings(case, light)) | {"variant": backend.select()}
     metrics = {

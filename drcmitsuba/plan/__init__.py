@@ -16,9 +16,16 @@ forecast
 
 from drcmitsuba.plan.effect import Effect
 from drcmitsuba.plan.facts import Facts
-from drcmitsuba.plan.notes import notes, notes_on_sum, photon_notes, without_rounds
+from drcmitsuba.plan.notes import light_notes, notes, notes_on_sum, without_rounds
 from drcmitsuba.plan.planning import Plan, plan
 
 __all__ = [
-    "Effect", "Facts", "Plan", "notes", "notes_on_sum", "photon_notes", "plan", "without_rounds",
+    "Effect",
+    "Facts",
+    "Plan",
+    "light_notes",
+    "notes",
+    "notes_on_sum",
+    "plan",
+    "without_rounds",
 ]  # fmt: skip

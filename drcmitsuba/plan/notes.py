@@ -35,9 +35,14 @@ MOST_LOST = 1e-3
 MOST_SMEARED = 0.1
 
 
-def photon_notes(coefficients: Mapping[str, Any]) -> list[str]:
-    """Notes on lost and smeared photons, from the attributes of C."""
+def light_notes(coefficients: Mapping[str, Any]) -> list[str]:
+    """Notes on light that is left out, lost or smeared, from the attributes of C."""
     remarks, ledgers = [], json.loads(coefficients.get("photons", "{}"))
+    if pairs := coefficients.get("pairs_left_out"):
+        remarks.append(
+            f"light that the glass of one opening mirrors of another one's is left out for {pairs} "
+            "pairs of openings, those of the smaller panes: take fewer fills, tiles or sensors"
+        )
     for name, ledger in ledgers.items():
         component, kind = name.rsplit(" ", 1)
         if not component:

@@ -78,7 +78,8 @@ class Plan:
     def to_dict(self, coefficients: Mapping[str, Any] = MappingProxyType({})) -> dict[str, Any]:
         """Plain values for plan.json: {effect: {"on": bool, "reason": str, …}}.
 
-        The attributes of C, where it is known, add size and error of a mesh of suns.
+        The attributes of C, where it is known, add size and error of a mesh of suns, and pairs of
+        openings that are left out.
         """
         entries = {name: effect.to_dict() for name, effect in self.effects.items()}
         if "mesh_miss" in coefficients:
@@ -87,6 +88,9 @@ class Plan:
                 f"; the mesh has {suns:g} suns and misses suns in between by {miss:.1f} % (RMS)"
             )
             entries["suns"] |= {"mesh_suns": suns, "mesh_miss": coefficients["mesh_miss"]}
+        if pairs := coefficients.get("pairs_left_out"):
+            entries["pane_to_pane"]["reason"] += f"; {pairs} pairs of openings are left out"
+            entries["pane_to_pane"] |= {"pairs_left_out": pairs}
         return entries
 
 

@@ -48,7 +48,7 @@ def summed(
         )
         reason += f"({SIZE}){beside}{between.reason}"
         between = replace(between, on=False, reason=reason, missing=True)
-    elif between.on:
+    elif between.on and not always:  # light by element tells its own
         between = _between_pairs(between, facts, when)
     images, colour = _images(effects["mirrors"], facts, scope, when, beside), effects["colour"]
     if facts.case.colour.wavelengths:

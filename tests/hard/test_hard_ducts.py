@@ -90,6 +90,6 @@ def test_a_note_says_what_a_long_duct_loses(holds):
     # an edge of the duct, a photon may slip between two walls.
     holds("lost = ρ²⁰", abs(lost / RHO**20 - 1), 20 * 4 * 2**-24 * 14 / WIDTH)
     total = reduce(FluxLedger.plus, ledgers)
-    (note,) = plan.photon_notes({"photons": json.dumps({"pipe sun": asdict(total)})})
+    (note,) = plan.light_notes({"photons": json.dumps({"pipe sun": asdict(total)})})
     assert "67 % of the light from the sun was still under way" in note
     assert "raise accuracy.photon_surfaces" in note

@@ -11,6 +11,7 @@ import drcmitsuba
 from drcmitsuba import InputError
 from drcmitsuba.metrics.coefficients_by_state import LaterCoefficients
 from drcmitsuba.scene.fills import openings_of
+from drcmitsuba.transport.elements import mirrored_pairs
 from tests import ROOT
 from tests.system.small_room import CASE, DAYS, SHADING, SITE, STRIPS, changed
 
@@ -371,6 +372,18 @@ def test_the_plan_says_what_a_sum_leaves_out(tmp_path, of_film):
     assert entry["on"] is not of_film
     assert ("left out, since E is a sum over openings" in entry["reason"]) is of_film
     assert "in other hours" not in entry["reason"]
+
+
+def test_pairs_of_openings_that_are_left_out_are_counted(tmp_path, monkeypatch):
+    monkeypatch.setattr(mirrored_pairs, "MOST_PAIRS", 0)
+    mirroring = ("transmittance = 0.65", "transmittance = 0.65\nreflectance = 0.12")
+    light = drcmitsuba.elements(case_of(tmp_path, mirroring, more=f"[facade.east]\n{STRIPS}\n"))
+    count = light.channels[0].pairs.left_out
+    assert count >= 2
+    result = light.evaluate()
+    assert result.plan["pane_to_pane"]["pairs_left_out"] == count
+    told = [note for note in result.metrics["settings"]["notes"] if f"{count} pairs" in note]
+    assert len(told) == 1
 
 
 def test_fills_may_mirror_where_what_is_drawn_does_not(tmp_path):

@@ -15,6 +15,7 @@ import numpy as np
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.transport.elements.light import LightByElement
+from drcmitsuba.transport.elements.mirrored_pairs import MirroredPairs
 from drcmitsuba.transport.elements.weights import different_rows
 
 if TYPE_CHECKING:
@@ -61,6 +62,11 @@ class LightOfSurfaces:
     def labels(self) -> tuple[str, ...]:
         """Bins: ground, sky patches, suns."""
         return self.drawn.labels
+
+    @property
+    def pairs(self) -> MirroredPairs:
+        """Pairs of elements, one of which mirrors light of the other one, as the case is drawn."""
+        return self.drawn.pairs
 
     @property
     def replicates(self) -> int:
