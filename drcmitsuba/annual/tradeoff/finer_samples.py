@@ -60,7 +60,7 @@ def sample_reference(case: Case, times: np.ndarray, until: float) -> Reference:
     Raises
     ------
     InputError
-        The first round tells that they take longer.
+        The first rounds tell that they take longer.
     """
     start = time.monotonic()
     backend.select()
@@ -75,11 +75,14 @@ def sample_reference(case: Case, times: np.ndarray, until: float) -> Reference:
         state = number_of_states(case, E)
         rounds.append((total[:, sensors], is_open[:, sensors], direct, state))
         done, pace = len(rounds), time.monotonic() - begin
-        if done == 1 and FEWEST_ROUNDS * pace > LONGER * (until - start):
-            took = math.ceil(FEWEST_ROUNDS * pace / 60)
-            got = f"the reference alone takes about {took} min"
-            raise InputError("tradeoff", "minutes", got, f"give --minutes {2 * took} or more")
         if done < FEWEST_ROUNDS:
+            spent = time.monotonic() - start
+            took = spent + (FEWEST_ROUNDS - done) * pace
+            # The first round compiles, which tells nothing of the pace.
+            if (spent if done == 1 else took) > LONGER * (until - start):
+                minutes = math.ceil(took / 60)
+                got = f"the reference alone takes about {minutes} min"
+                raise InputError("tradeoff", "minutes", got, f"give --minutes {2 * minutes} or more")
             continue
         enough = done % FEWEST_ROUNDS == 0 and spread([E for _, E, *_ in rounds]) < ENOUGH
         if enough or _photons(case, done) >= MOST_PHOTONS or time.monotonic() + pace > until:
