@@ -82,7 +82,8 @@ def sample_reference(case: Case, times: np.ndarray, until: float) -> Reference:
             if (spent if done == 1 else took) > LONGER * (until - start):
                 minutes = math.ceil(took / 60)
                 got = f"the reference alone takes about {minutes} min"
-                raise InputError("tradeoff", "minutes", got, f"give --minutes {2 * minutes} or more")
+                remedy = f"give --minutes {2 * minutes} or more"
+                raise InputError("tradeoff", "minutes", got, remedy)
             continue
         enough = done % FEWEST_ROUNDS == 0 and spread([E for _, E, *_ in rounds]) < ENOUGH
         if enough or _photons(case, done) >= MOST_PHOTONS or time.monotonic() + pace > until:
