@@ -20,12 +20,5 @@ from drcmitsuba.plan.notes import light_notes, notes, notes_on_sum, without_roun
 from drcmitsuba.plan.planning import Plan, plan
 
 __all__ = [
-    "Effect",
-    "Facts",
-    "Plan",
-    "light_notes",
-    "notes",
-    "notes_on_sum",
-    "plan",
-    "without_rounds",
+    "Effect", "Facts", "Plan", "light_notes", "notes", "notes_on_sum", "plan", "without_rounds",
 ]  # fmt: skip
