@@ -145,7 +145,18 @@ def runnable(path):
     return [block for block in blocks(path, "sh", "python") if runs(block)]
 
 
-@pytest.mark.parametrize("path", [p for p in PAGES if runnable(p)], ids=name_of)
+LONG = "film_design", "glare", "groups", "pictures", "sizing"
+"""Pages whose blocks run at night only."""
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(p, id=name_of(p), marks=[pytest.mark.slow] * (p.stem in LONG))
+        for p in PAGES
+        if runnable(p)
+    ],
+)
 def test_blocks_run(path, folder, command, monkeypatch):
     if "measured_00.txt" in path.read_text("utf-8"):
         measurements(folder)

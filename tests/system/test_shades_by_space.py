@@ -116,6 +116,7 @@ def test_a_search_may_mean_the_panes_of_a_group(case_of):
         ModelLayout.of(case_of(GROUPS + DESIGN + 'groups = ["x"]\n'))
 
 
+@pytest.mark.slow
 def test_an_eye_sees_the_shade_of_its_own_space(case_of, by_space):
     closed = by_space["facade_state"].sel(group=NAMES[0]).values
     E = drcmitsuba.glare(case_of(BY_SPACE)).hours["illuminance"].isel(view=0)

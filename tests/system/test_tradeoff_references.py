@@ -21,9 +21,9 @@ CASES = BOXES | MODELS
 SECONDS = 60.0
 
 
-def case_of(folder, name):
+def case_of(folder, name, accuracy="replicates = 6\npaths = 256"):
     write_models(folder)
-    text = CASES[name].replace("replicates = 2\npaths = 16", "replicates = 6\npaths = 256")
+    text = CASES[name].replace("replicates = 2\npaths = 16", accuracy)
     (folder / "case.toml").write_text(text)
     return drcmitsuba.load_case(folder / "case.toml")
 
@@ -56,7 +56,7 @@ def test_references_are_evaluations_without_their_errors(tmp_path, name):
 
 
 def test_a_reference_that_leaves_no_time_says_how_much_it_takes(tmp_path):
-    case = case_of(tmp_path, "component")
+    case = case_of(tmp_path, "component", "replicates = 2\npaths = 16\nphotons = 1000")
     with pytest.raises(InputError, match=r"minutes: the reference alone takes about \d+ min; give"):
         sample_reference(case, daylight(case).sky["time"].values[:1], time.monotonic() + 0.01)
 

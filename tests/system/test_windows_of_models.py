@@ -125,6 +125,7 @@ def light_under_a_sky(tiled, composition, closed):
     return (C["replicates"].sel(bin=labels).values * L).sum(-1)
 
 
+@pytest.mark.slow
 def test_light_by_element_is_that_of_the_room_of_boxes(simulated, tmp_path):
     _, ours, _ = simulated
     as_box = Layout.of(case_of(tmp_path, ROOM, **FINER))

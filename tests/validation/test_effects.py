@@ -237,7 +237,10 @@ def test_forcing_what_is_left_out_changes_nothing_and_costs_rays(name, tmp_path)
         assert z_of(forced, E) < 3 or abs(forced - E).max() <= 1e-5 * E.max()
 
 
-LONGER = "pane_to_pane", "components", "colour", "obstructions", "clear_panes"
+LONGER = (
+    "pane_to_pane", "components", "colour", "obstructions", "clear_panes", "scattering_panes",
+    "films",
+)  # fmt: skip
 """Effects that are left out at night only."""
 
 

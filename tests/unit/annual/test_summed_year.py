@@ -63,6 +63,7 @@ def simulated(one, light, run):
     return E
 
 
+@pytest.mark.slow
 def test_surfaces_that_come_and_go_are_those_of_each_hour(tmp_path):
     one = case_by_the_hour(tmp_path)
     light = daylight(one)

@@ -131,7 +131,7 @@ ROOMS = {
 }
 
 
-SLOW = [name for name in ROOMS if "film" in name or "model" in name]
+SLOW = [name for name in ROOMS if any(x in name for x in ("film", "model", "groups"))]
 
 
 @pytest.mark.parametrize("name", slowly(ROOMS, *SLOW))

@@ -140,6 +140,7 @@ def test_coefficient_pictures_sum_up_to_the_sky_of_an_hour(room, solved):
     assert (shown > 0).mean() > 0.5
 
 
+@pytest.mark.slow
 def test_the_diffuser_of_a_pipe_lights_an_eye_below_it():
     """A sensor at the eye gets all of its light by photons, the picture by its glow."""
     case, state = under_a_pipe(bottom="opal")

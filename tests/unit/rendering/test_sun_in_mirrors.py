@@ -190,6 +190,7 @@ def test_light_paths_on_disk_give_the_same_picture(tmp_path):
     assert np.allclose(*both, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_surfaces_in_a_picture_have_the_sun_by_rough_mirrors(same):
     """A floor before a rough mirror, and the mirror itself, against plain path tracing."""
     floor = quad(-3 * EAST + 0.0 * UP, 4 * EAST, 4 * NORTH)

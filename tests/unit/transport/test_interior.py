@@ -69,8 +69,11 @@ def test_states_share_their_paths_and_no_number_changes(traced):
     "other",
     [
         {"glass": 0.1},
-        {"shade": 0.4},
-        {"furniture": [{"corner": [1.0, 1.0, 0.7], "size": [1.0, 0.6, 0.0]}]},
+        pytest.param({"shade": 0.4}, marks=pytest.mark.slow),
+        pytest.param(
+            {"furniture": [{"corner": [1.0, 1.0, 0.7], "size": [1.0, 0.6, 0.0]}]},
+            marks=pytest.mark.slow,
+        ),
         {"room": {"size": [4.0, 5.0, 3.0], "walls": 0.6}},
         {"room": {"size": [4.0, 5.0, 3.0], "rotation": 20.0}},
     ],

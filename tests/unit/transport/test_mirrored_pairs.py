@@ -21,6 +21,7 @@ from drcmitsuba.transport import coefficients, elements
 from drcmitsuba.transport.elements import mirrored_pairs, simulate
 from drcmitsuba.transport.elements.mirrored_pairs import MirroredPairs
 from drcmitsuba.transport.elements.trace import ElementTrace
+from tests.fast import slowly
 from tests.unit.transport.exact_scenes import CLOTH, GLASS, SUNS, diffuser, glazing, quad
 from tests.unit.transport.test_light_by_element import ACCURACY, case, in_state
 
@@ -138,7 +139,9 @@ def test_a_mirrored_sun_is_that_of_exact_geometry():
     assert lit > 5
 
 
-@pytest.mark.parametrize("state", ["open/open", "cloth/open", "open/cloth"])
+@pytest.mark.parametrize(
+    "state", slowly(["open/open", "cloth/open", "open/cloth"], "open/open", "cloth/open")
+)
 def test_any_state_has_the_light_that_its_glass_mirrors(same, state):
     """Light of the sky, of the suns, and what cells send on of both is that of a simulation."""
     one = case(**TWO_SIDES)

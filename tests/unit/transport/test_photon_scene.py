@@ -91,6 +91,7 @@ def test_photons_bring_the_same_as_by_a_search(searched):
             assert getattr(book, fate) == pytest.approx(getattr(other, fate), rel=1e-5), fate
 
 
+@pytest.mark.slow
 def test_a_square_gets_the_light_that_has_come_to_its_height():
     through = landed(built(PANES)).sensors().sun.numpy()
     free = landed(built(flat(-5.0, 0.1))).sensors().sun.numpy()

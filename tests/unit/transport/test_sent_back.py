@@ -1,6 +1,7 @@
 """Light that openings send back: followed on paths, and solved on cells."""
 
 import numpy as np
+import pytest
 
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene.enabled_effects import EnabledEffects
@@ -53,6 +54,7 @@ def sent_back(solved):
     return np.array(rows)
 
 
+@pytest.mark.slow
 def test_films_send_light_back_by_their_lobes_on_cells_and_on_paths():
     """And as if it came evenly, what reaches them straight by the other window."""
     backend.select("llvm_ad_mono" if backend.llvm_version() else "cuda_ad_mono")

@@ -108,7 +108,13 @@ def test_light_of_the_second_state_is_that_of_the_state_alone(states, place, tur
     assert sum(one.cells.numpy().sum() for one in alone) > 0
 
 
-@pytest.mark.parametrize("suns", [DIRECTIONS[[2, 0]], DIRECTIONS[:0]], ids=["suns", "no suns"])
+@pytest.mark.parametrize(
+    "suns",
+    [
+        pytest.param(DIRECTIONS[[2, 0]], id="suns", marks=pytest.mark.slow),
+        pytest.param(DIRECTIONS[:0], id="no suns"),
+    ],
+)
 def test_photons_of_several_components_are_shared(states, tmp_path, suns):
     mesh = {"type": "mesh", "file": str(tmp_path / "mirror.obj"), "material": "silver"}
     places = {"a": BEHIND, "b": BEFORE, "c": ASIDE}
