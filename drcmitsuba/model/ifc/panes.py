@@ -53,11 +53,14 @@ def sheets_of(triangles: np.ndarray) -> np.ndarray:
         axis = normal[np.argmax(area)] / area.max()
         mine = np.abs(normal @ axis) > PARALLEL * area
         size = float(area[mine].sum())
-        first = first or size
         if size < LEAST_SHARE * first:
             break
-        for each in _apart(triangles[mine] @ axis, body[mine]):
+        panes = _apart(triangles[mine], area[mine], axis, body[mine])
+        if not (panes or first):
+            panes = [np.arange(mine.sum())]
+        for each in panes:
             out += _sheet(triangles[mine][each], area[mine][each])
+        first = first or size
         triangles, normal, area, body = (a[~mine] for a in (triangles, normal, area, body))
     return np.concatenate(out)
 
@@ -76,18 +79,51 @@ def _joined(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return np.asarray(csgraph.connected_components(pairs, directed=False)[1][:count])
 
 
-def _apart(reach: np.ndarray, body: np.ndarray) -> list[np.ndarray]:
-    """Indices of triangles of each pane, by how far their corners (triangle, 3) reach [m].
+def _apart(
+    triangles: np.ndarray, area: np.ndarray, axis: np.ndarray, body: np.ndarray
+) -> list[np.ndarray]:
+    """Indices of triangles of each pane, all of them across an axis.
 
-    Faces of one body are of one pane, however thick it is.
+    Faces of a body are of one pane, however thick it is; opposite sides of a ring are two. Edges of
+    a slab, which is wider than they are high, are of none.
     """
-    low = reach.min(axis=1)
+    reach = triangles @ axis
+    low, high = reach.min(axis=1), reach.max(axis=1)
     order = low.argsort()
-    so_far = np.maximum.accumulate(reach.max(axis=1)[order])
+    so_far = np.maximum.accumulate(high[order])
     place = np.empty(len(order), int)
     place[order] = np.cumsum(np.r_[0, low[order][1:] > so_far[:-1] + APART])
-    pane = _joined(place, body)[place]
-    return [np.flatnonzero(pane == number) for number in np.unique(pane)]
+    solid = np.unique(_solids(triangles, place, body), return_inverse=True)[1]
+    size = np.bincount(solid, area) / 2
+    first, last = np.full(len(size), np.inf), np.full(len(size), -np.inf)
+    np.minimum.at(first, solid, low)
+    np.maximum.at(last, solid, high)
+    kept = np.flatnonzero((last - first <= np.sqrt(size))[solid])
+    pane = _joined(place[kept], solid[kept])[place[kept]] if len(kept) else place[kept]
+    return [kept[pane == number] for number in np.unique(pane)]
+
+
+def _solids(triangles: np.ndarray, place: np.ndarray, body: np.ndarray) -> np.ndarray:
+    """Number (triangle,) of the part of a body between whose faces there is no empty space.
+
+    A line that has met an even number of a body's faces is outside of it. Parallel triangles of one
+    `place`, int (triangle,), lie close behind one another.
+    """
+    plane = Plane.of(triangles[np.argmax(np.linalg.norm(area_vectors(triangles), axis=1))])
+    solid = body * (place.max() + 1)
+    for number in np.unique(body):
+        mine = np.flatnonzero(body == number)
+        before = np.unique(place[mine])[:-1]
+        faces = [plane.polygon([triangles[k]]) for k in mine] if len(before) else []
+        for last in before:
+            lower = [face for face, at in zip(faces, place[mine], strict=True) if at <= last]
+            nearest = [face for face, at in zip(faces, place[mine], strict=True) if at == last]
+            middles = shapely.centroid(nearest)
+            line, _ = shapely.STRtree(lower).query(middles, predicate="intersects")
+            is_outside = np.bincount(line, minlength=len(middles)) % 2 == 0
+            if np.average(is_outside, weights=shapely.area(nearest)) > 0.5:
+                solid[mine[place[mine] > last]] += 1
+    return solid
 
 
 def _sheet(triangles: np.ndarray, area: np.ndarray) -> list[np.ndarray]:

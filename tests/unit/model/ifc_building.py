@@ -31,6 +31,17 @@ def box(low, high):
     return np.array(corners, float), BOX
 
 
+def ring(low, high, width):
+    """Corners (16, 3) and faces of a box without what is farther than `width` from its sides."""
+    inset = np.array([width, width, 0])
+    corners = [box(low, high)[0], box(low + inset, high - inset)[0]]
+    faces = []
+    for i, j in ((0, 1), (1, 2), (2, 3), (3, 0)):
+        faces += [(i, j, j + 4, i + 4), (j + 8, i + 8, i + 12, j + 12)]
+        faces += [(j, i, i + 8, j + 8), (i + 4, j + 4, j + 12, i + 12)]
+    return np.concatenate(corners), faces
+
+
 def joined(*boxes):
     """Corners and faces of several boxes."""
     corners, faces = [], []

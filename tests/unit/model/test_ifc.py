@@ -86,7 +86,7 @@ def test_a_window_that_is_one_body_is_one_sheet_however_thick(tmp_path, thicknes
     made.add("IfcWindow", "plain", building.box((5, -thickness, 1), (6, 0, 2)))
     model = ifc.read(made.written(tmp_path))
     quads = np.concatenate([layer.quads for layer in model.layers if layer.role == "pane"])
-    mine = quads[(quads[..., 0] > 4.9).all(axis=1) & (np.ptp(quads[..., 1], axis=1) < 1e-6)]
+    mine = quads[(quads[..., 0] > 4.9).all(axis=1)]
     assert areas(mine).sum() == pytest.approx(1, rel=1e-3)
     np.testing.assert_allclose(mine[..., 1], -thickness / 2, atol=1e-6)
 
@@ -98,6 +98,25 @@ def test_a_window_without_glass_is_glass_as_a_whole(tmp_path):
     [glass] = [layer for layer in model.layers if layer.role == "pane"]
     assert areas(glass.quads).sum() == pytest.approx(1.8 * 0.8 + 1, rel=1e-3)
     assert any(note.startswith("Windows without a transparent part") for note in model.notes)
+
+
+@pytest.mark.parametrize("gap", [0.001, 0.0])
+def test_a_curb_that_is_glass_as_a_whole_stands_on_all_of_its_sides(tmp_path, gap):
+    """Opposite sides of a skylight's curb were one sheet in the middle of the hole."""
+    made, low, high = building.house(), np.array([5, 1, 3.2]), np.array([6.2, 2.2, 3.4])
+    plate = building.box((5, 1, 3.4 + gap), (6.2, 2.2, 3.43 + gap))
+    made.add("IfcWindow", "skylight", building.joined(building.ring(low, high, 0.06), plate))
+    model = ifc.read(made.written(tmp_path))
+    [glass] = [layer for layer in model.layers if layer.role == "pane"]
+    mine = glass.quads[glass.polygon == glass.polygon.max()]
+    assert areas(mine[np.ptp(mine[..., 2], axis=1) < 1e-6]).sum() == pytest.approx(1.44, rel=0.01)
+    height = 0.2 if gap else 0.23  # a plate of the same body has edges
+    for axis, (first, last) in enumerate(((5.03, 6.17), (1.03, 2.17))):
+        level = mine[np.ptp(mine[..., axis], axis=1) < 1e-6]
+        for place in (first, last):
+            at = np.abs(level[:, 0, axis] - place) < 0.01
+            assert areas(level[at]).sum() == pytest.approx(1.2 * height, rel=0.02)
+        assert areas(level).sum() == pytest.approx(2 * 1.2 * height, rel=0.02)
 
 
 def test_opaque_plates_are_told(tmp_path):
