@@ -55,11 +55,15 @@ def sheets_of(triangles: np.ndarray) -> np.ndarray:
         size = float(area[mine].sum())
         if size < LEAST_SHARE * first:
             break
-        panes = _apart(triangles[mine], area[mine], axis, body[mine])
-        if not (panes or first):
-            panes = [np.arange(mine.sum())]
-        for each in panes:
-            out += _sheet(triangles[mine][each], area[mine][each])
+        faces = triangles[mine]
+        place = _places(faces @ axis)
+        solid = _solids(faces, place, body[mine])
+        # Along a further axis, slabs are seen by their edges.
+        kept = np.flatnonzero((first == 0) | _are_slabs(faces @ axis, area[mine], solid))
+        pane = _joined(place[kept], solid[kept])[place[kept]]
+        for number in np.unique(pane):
+            each = kept[pane == number]
+            out += _sheet(faces[each], area[mine][each])
         first = first or size
         triangles, normal, area, body = (a[~mine] for a in (triangles, normal, area, body))
     return np.concatenate(out)
@@ -79,35 +83,30 @@ def _joined(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return np.asarray(csgraph.connected_components(pairs, directed=False)[1][:count])
 
 
-def _apart(
-    triangles: np.ndarray, area: np.ndarray, axis: np.ndarray, body: np.ndarray
-) -> list[np.ndarray]:
-    """Indices of triangles of each pane, all of them across an axis.
-
-    Faces of a body are of one pane, however thick it is; opposite sides of a ring are two. Edges of
-    a slab, which is wider than they are high, are of none.
-    """
-    reach = triangles @ axis
+def _places(reach: np.ndarray) -> np.ndarray:
+    """Number (triangle,) of triangles close behind one another, by their corners' reach [m]."""
     low, high = reach.min(axis=1), reach.max(axis=1)
     order = low.argsort()
     so_far = np.maximum.accumulate(high[order])
     place = np.empty(len(order), int)
     place[order] = np.cumsum(np.r_[0, low[order][1:] > so_far[:-1] + APART])
-    solid = np.unique(_solids(triangles, place, body), return_inverse=True)[1]
+    return place
+
+
+def _are_slabs(reach: np.ndarray, area: np.ndarray, solid: np.ndarray) -> np.ndarray:
+    """Whether triangles are of solid parts that are wider than thick, bool (triangle,)."""
     size = np.bincount(solid, area) / 2
-    first, last = np.full(len(size), np.inf), np.full(len(size), -np.inf)
-    np.minimum.at(first, solid, low)
-    np.maximum.at(last, solid, high)
-    kept = np.flatnonzero((last - first <= np.sqrt(size))[solid])
-    pane = _joined(place[kept], solid[kept])[place[kept]] if len(kept) else place[kept]
-    return [kept[pane == number] for number in np.unique(pane)]
+    low, high = np.full(len(size), np.inf), np.full(len(size), -np.inf)
+    np.minimum.at(low, solid, reach.min(axis=1))
+    np.maximum.at(high, solid, reach.max(axis=1))
+    return np.asarray((high - low <= np.sqrt(size))[solid])
 
 
 def _solids(triangles: np.ndarray, place: np.ndarray, body: np.ndarray) -> np.ndarray:
     """Number (triangle,) of the part of a body between whose faces there is no empty space.
 
-    A line that has met an even number of a body's faces is outside of it. Parallel triangles of one
-    `place`, int (triangle,), lie close behind one another.
+    Faces of a body are of one part, however thick it is; opposite sides of a ring are of two. A
+    line that has met an even number of a body's faces is outside of it. `place` is from `_places`.
     """
     plane = Plane.of(triangles[np.argmax(np.linalg.norm(area_vectors(triangles), axis=1))])
     solid = body * (place.max() + 1)
@@ -123,7 +122,7 @@ def _solids(triangles: np.ndarray, place: np.ndarray, body: np.ndarray) -> np.nd
             is_outside = np.bincount(line, minlength=len(middles)) % 2 == 0
             if np.average(is_outside, weights=shapely.area(nearest)) > 0.5:
                 solid[mine[place[mine] > last]] += 1
-    return solid
+    return np.unique(solid, return_inverse=True)[1]
 
 
 def _sheet(triangles: np.ndarray, area: np.ndarray) -> list[np.ndarray]:
