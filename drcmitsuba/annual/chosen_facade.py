@@ -151,7 +151,8 @@ class ChosenFacade:
         for name in ("groups", "schedule", "shade_threshold", "shade_area"):
             marked.pop(name, None)
         marked["has_shade"] = int(bool(moving.groups))
-        if pairs := channels[0].pairs.left_out:
+        # Glare has a façade without light on sensors.
+        if pairs := max((light.pairs.left_out for light in channels), default=0):
             marked["pairs_left_out"] = pairs
         if moving.groups:
             threshold, area = case.shade_rule
